@@ -20,7 +20,7 @@ TIME = 'builtin_interfaces/msg/Time'
 def write_message(bag: BagWriter, topic: str, time: int, message: Any) -> None:
     """Write a message on a topic at a time [ns]."""
     payload = standard_types().serialize_cdr(message, message.__msgtype__)
-    bag.write(topic, MessageBlock.of([time], [bytes(payload)]))
+    bag.write(topic, MessageBlock.from_payloads([time], [bytes(payload)]))
 
 
 def _message(msgtype: str, **fields: Any) -> Any:

@@ -91,7 +91,7 @@ def test_files_take_their_places_one_by_one_in_a_folder_that_is_not_exchanged(tm
     folder = tmp_path / 'made'
     folder.mkdir()
     if why == 'no exchange':
-        monkeypatch.setattr(files, '_exchanged', lambda *_: False)
+        monkeypatch.setattr(files, '_exchange', lambda *_: False)
     elif why == 'another mode':
         folder.chmod(0o711)
     elif why == 'something else in it':

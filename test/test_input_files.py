@@ -122,7 +122,7 @@ def test_a_file_has_at_most_as_many_bytes_as_are_asked_for(tmp_path):
 def test_a_file_of_holes_is_refused_and_a_large_one_is_not(tmp_path):
     (tmp_path / 'holes').touch()
     os.truncate(tmp_path / 'holes', 2**40)
-    with pytest.raises(InputError, match=r'^has holes of more than 1 GiB, '):
+    with pytest.raises(InputError, match=r'^has holes of more than 1 GiB: '):
         open_input(tmp_path / 'holes')
     with (tmp_path / 'some').open('wb') as file:
         file.write(b'begin')

@@ -147,7 +147,7 @@ def test_a_link_to_a_mount_point_stays_one(bag, tmp_path):
             assert sorted(os.listdir(volume)) == ['parameters.yaml', 'report.json']
         code, out, err = run('record_rig', 'out_and_back', '--output', tmp_path / 'out')
         assert (code, out) == (2, '')
-        assert 'is a symbolic link and is not written through' in err
+        assert 'is a symbolic link, and a bag is not written through' in err
     assert (tmp_path / 'out').is_symlink()
 
 

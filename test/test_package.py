@@ -270,10 +270,10 @@ def test_where_nothing_can_run_is_one_line(tmp_path, name):
     trap = ['sh', '-c', 'echo "S: [x" > .numba_config.yaml && exec "$@"', 'sh', *command]
     pipe = ['sh', '-c', 'rm .numba_config.yaml; mkfifo DEFAULT_FASTRTPS_PROFILES.xml && exec "$@"', 'sh', *command]
     for given, more, word in (
-        (gone, {}, 'is gone'),
+        (gone, {}, 'does not exist any more'),
         (command, {'NUMBA_DISABLE_JIT': '1'}, 'NUMBA_DISABLE_JIT is set'),
         (trap, {}, 'holds .numba_config.yaml'),
-        (pipe, {}, 'DEFAULT_FASTRTPS_PROFILES.xml in the folder'),
+        (pipe, {}, 'DEFAULT_FASTRTPS_PROFILES.xml in the working folder'),
     ):
         ran = subprocess.run(given, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment | more)
         assert (ran.returncode, ran.stderr.count('\n')) == (2, 1)

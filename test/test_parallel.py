@@ -87,17 +87,17 @@ def test_after_an_error_nobody_goes_on(monkeypatch):
 
 SHARED = """
 import time
-from cfd_pneumatic.runtime.parallel import each
+from cfd_pneumatic.runtime.parallel import map_in_threads
 
 def wait(number):
     print(f'{number}\\n', end='', flush=True)  # in one piece
     time.sleep(0.2)
 
 try:
-    each(lambda _: each(wait, range(1000)), range(2))
+    map_in_threads(lambda _: map_in_threads(wait, range(1000)), range(2))
 except KeyboardInterrupt:
     print('interrupted')
-print(each(abs, [-1, -2]))
+print(map_in_threads(abs, [-1, -2]))
 """
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read files that users name, and write results whole or not at all."""
+"""Read the files that users name; write results completely or not at all."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
         StagedOutput,
         check_folder,
         checksum,
-        content,
         disk_errors_reported,
         exclusive_access,
+        folder_entries,
         make_folder,
         remove_abandoned,
         staged_output,

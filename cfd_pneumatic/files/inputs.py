@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Opening the files that people name, and those that such files name.
+Opening the files that users name, and the files that such files name.
 
-This is the only door through which files come in. It lets regular files pass, and no more of them than they hold when
-they are opened: reading a named pipe, a device or a file that grows has no end.
+The program opens all input files here. It reads regular files only, and only the bytes that a file has when it is
+opened: reading a named pipe, a device or a growing file has no end.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from pathlib import Path
 from cfd_pneumatic.errors import InputError
 
 MOST_HOLES = 2**30
-"""Bytes of a file that are stored nowhere and read as zeros; they cost whoever makes the file nothing."""
+"""Size of a file's holes [bytes]: they read as zeros and need no disk, so that anyone can make a huge file."""
 
 _BUFFER = 2**16
 _OTHER_KINDS = (
@@ -30,19 +30,19 @@ _OTHER_KINDS = (
 
 def open_input(path: Path, most: int | None = None) -> io.BufferedReader:
     """
-    Open a regular file for reading, as long as it is now.
+    Open a regular file for reading, up to its present end.
 
     Parameters
     ----------
     path : Path
         The file.
     most : int, optional
-        Bytes that it may have.
+        Largest accepted size [bytes].
 
     Raises
     ------
     InputError
-        If it can't be read, is something else than a regular file, has more bytes, or consists of holes.
+        If the file cannot be read, is not a regular file, is larger than `most`, or consists of holes.
 
     """
     try:
@@ -66,17 +66,17 @@ def open_input(path: Path, most: int | None = None) -> io.BufferedReader:
 
 def read_input(path: Path, most: int) -> bytes:
     """
-    Return what a regular file holds.
+    Return the content of a regular file.
 
     Parameters
     ----------
     path, most
-        As `open_input` takes them.
+        See `open_input`.
 
     Raises
     ------
     InputError
-        As `open_input`.
+        See `open_input`.
 
     """
     with open_input(path, most) as file:
@@ -88,36 +88,36 @@ def read_input(path: Path, most: int) -> bytes:
 
 def check_input(path: Path) -> None:
     """
-    Make sure that a library which opens a file by its name finds a regular file there.
+    Check that a path leads to a regular file, before a library opens the path itself.
 
     Raises
     ------
     InputError
-        As `open_input`.
+        See `open_input`.
 
     """
     open_input(path).close()
 
 
 class _FileAsOpened(io.FileIO):
-    """A file that ends where it ended when it was opened."""
+    """A file that ends where it ended at its opening."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__(descriptor)
         self.size = os.fstat(descriptor).st_size
 
     def readinto(self, buffer: memoryview) -> int | None:  # type: ignore[override]
-        return super().readinto(memoryview(buffer)[: self._rest()])
+        return super().readinto(memoryview(buffer)[: self._remaining()])
 
     def readall(self) -> bytes:
-        return self.read(self._rest()) or b''
+        return self.read(self._remaining()) or b''
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
         if whence == os.SEEK_END:
             offset, whence = self.size + offset, os.SEEK_SET
         return super().seek(offset, whence)
 
-    def _rest(self) -> int:
+    def _remaining(self) -> int:
         return max(0, self.size - self.tell())
 
 
@@ -128,7 +128,7 @@ def _check_kind(state: os.stat_result) -> None:
 
 
 def _check_holes(descriptor: int, size: int) -> None:
-    """Refuse a file with more holes than can be read in a second or two; leave its position at the beginning."""
+    """Refuse a file whose holes take more than two seconds to read; set its position to the beginning."""
     holes = position = 0
     while position < size and holes <= MOST_HOLES < size:
         hole = os.lseek(descriptor, position, os.SEEK_HOLE)
@@ -139,4 +139,4 @@ def _check_holes(descriptor: int, size: int) -> None:
         holes += position - hole
     os.lseek(descriptor, 0, os.SEEK_SET)
     if holes > MOST_HOLES:
-        raise InputError(f'has holes of more than {MOST_HOLES // 2**30} GiB, which nobody recorded')
+        raise InputError(f'has holes of more than {MOST_HOLES // 2**30} GiB: it is not a recording')

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Results of earlier runs may be replaced; files that this program did not write are kept.
+Replace results of earlier runs, and keep files that this program did not write.
 
-Each writer states by which mark in the file its results are recognised. A checksum would not do: a run that was killed
-while its files took their places has to be repeatable.
+Each writer defines a mark in its files by which its results are recognised. A checksum does not suffice: a run that
+was killed while it moved its files into place must be repeatable.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from cfd_pneumatic.files.staging import (
     staged_output,
 )
 
-_HEAD = 2**16  # bytes in which a mark is looked for
+_HEAD = 2**16  # bytes that are searched for a mark
 
 ADVICE = 'replace it with --overwrite (in Python: overwrite=True)'
-"""What to do about a file that is to be replaced in any case."""
+"""How a user replaces a file that this program did not write."""
 
 Recognition = Callable[[Path], bool]
 """Returns whether this program wrote a file."""
 
 
 def marked(pattern: str) -> Recognition:
-    """Return a recognition by a regular expression that the first 64 KiB of a file match somewhere."""
+    """Return a recognition that searches the first 64 KiB of a file for a regular expression."""
     return partial(_has_mark, re.compile(pattern.encode()))
 
 
@@ -49,7 +49,7 @@ def _has_mark(mark: re.Pattern[bytes], path: Path) -> bool:
 
 
 def never(_: Path) -> bool:
-    """Recognise no file: what is written is meant to be edited, or to be kept."""
+    """Recognise no file: the results are meant to be edited, or to be kept."""
     return False
 
 
@@ -60,8 +60,8 @@ class ResultFiles:
     Parameters
     ----------
     recognitions
-        By regular expressions for the names of the files, in the order in which the files take their places one by one
-        if the folder cannot be exchanged.
+        Recognition for each regular expression of file names, in the order in which the files are moved into place if
+        the folder cannot be exchanged.
 
     """
 
@@ -75,28 +75,28 @@ class ResultFiles:
 
     def check(self, folder: Path, names: Collection[str] | None = None, *, overwrite: bool) -> None:
         """
-        Find out before the work whether results can be written into a folder.
+        Check before the work that results can be written into a folder.
 
         Parameters
         ----------
         folder
-            Where to; need not be there.
+            Folder for the results; may be missing.
         names
-            Of the files that may be written; by default all.
+            Names of the files that may be written; by default all.
         overwrite
-            Whether files of these names are replaced that this program did not write.
+            Whether to replace also files that this program did not write.
 
         Raises
         ------
         InputError
-            If the folder can't be written, or holds a file of one of the names that this program did not write.
+            If the folder cannot be written, or has a file with such a name that this program did not write.
 
         """
         check_folder(folder)
         self.check_files(folder, names, overwrite=overwrite)
 
     def check_files(self, folder: Path, names: Collection[str] | None = None, *, overwrite: bool) -> None:
-        """Do as `check`, but find out nothing about the folder."""
+        """Check the files of a folder as `check` does, without checking the folder."""
         for path in sorted(folder.iterdir()) if folder.is_dir() else ():
             if self._patterns_of(path.name) and (names is None or path.name in names):
                 check_replaceable(path, self.is_earlier, overwrite=overwrite)
@@ -104,49 +104,49 @@ class ResultFiles:
     @contextmanager
     def made_for(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
         """
-        Make the folder, be the only one who writes into it, and do as `staged_output`.
+        Make the folder, get exclusive access, and yield a staging folder as `staged_output` does.
 
         Raises
         ------
         InputError
-            As `staged_output`, or if another run writes into the folder.
+            If another run writes into the folder; else see `staged_output`.
 
         """
         is_new = not folder.exists()
         make_folder(folder)
         try:
-            with exclusive_access(folder), self.staged_output(folder, overwrite=overwrite) as made:
-                yield made
+            with exclusive_access(folder), self.staged_output(folder, overwrite=overwrite) as staged:
+                yield staged
         except BaseException:
             if is_new:
-                with suppress(OSError):  # another run has written into it meanwhile
+                with suppress(OSError):  # another run has meanwhile written into the folder
                     folder.rmdir()
             raise
 
     @contextmanager
     def staged_output(self, folder: Path, *, overwrite: bool) -> Iterator[Path]:
         """
-        Yield a new folder for the results; they take their places in a folder at the end, but not after an error.
+        Yield a new folder for the results; at the end, but not after an error, move the results into place.
 
-        Earlier results that were not made anew are removed; everything else in the folder stays.
+        Earlier results without a successor are removed; all other files of the folder stay.
 
         Raises
         ------
         InputError
-            If the folder can't be written, or a file in it is not to be replaced.
+            If the folder cannot be written, or has a file that must not be replaced.
 
         """
-        with staged_output(folder, self.is_earlier, self._rank) as made:
-            made.mkdir()
-            yield made
-            self.check_files(folder, os.listdir(made), overwrite=overwrite)
+        with staged_output(folder, self.is_earlier, self._rank) as staged:
+            staged.mkdir()
+            yield staged
+            self.check_files(folder, os.listdir(staged), overwrite=overwrite)
 
     def _rank(self, name: str) -> int:
         return list(self.recognitions).index(self._patterns_of(name)[0])
 
     def _patterns_of(self, name: str) -> list[str]:
-        """Return the pattern that a name matches, if any."""
-        return [one for one in self.recognitions if re.fullmatch(one, name)]
+        """Return the patterns that a name matches."""
+        return [pattern for pattern in self.recognitions if re.fullmatch(pattern, name)]
 
 
 def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> None:
@@ -156,16 +156,16 @@ def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> N
     Parameters
     ----------
     path
-        Of a file to be written; nothing may be there.
+        Path of a file to be written; may be free.
     is_ours
-        Recognises files that this program wrote. Links are nobody's but the user's.
+        Recognises files that this program wrote. A link always counts as a file of the user.
     overwrite
-        Whether a file may be replaced in any case.
+        Whether to replace also a file that this program did not write.
 
     Raises
     ------
     InputError
-        If it is not to be replaced, or can't be.
+        If the file must not or cannot be replaced.
 
     """
     if not os.path.lexists(path):
@@ -182,18 +182,18 @@ def check_replaceable(path: Path, is_ours: Recognition, *, overwrite: bool) -> N
 
 
 def _is_file(path: Path) -> bool:
-    """Return whether a path is that of a regular file, and no link."""
+    """Return whether a path is a regular file and not a link."""
     return stat.S_ISREG(path.lstat().st_mode)
 
 
 def _may_be_removed(path: Path) -> bool:
-    """Return whether a file may be removed: it is not immutable, and in a sticky folder it or the folder is ours."""
-    folder, found = path.parent.stat(), path.lstat()
-    is_ours = os.geteuid() in (0, found.st_uid)
+    """Return whether the user may remove a file: not an immutable file, nor another user's in a sticky folder."""
+    folder, file = path.parent.stat(), path.lstat()
+    is_ours = os.geteuid() in (0, file.st_uid)
     if not is_ours and (not folder.st_mode & stat.S_ISVTX or os.geteuid() == folder.st_uid):
         return True
     try:
-        os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns), follow_symlinks=False)  # only the owner may
+        os.utime(path, ns=(file.st_atime_ns, file.st_mtime_ns), follow_symlinks=False)  # only the owner may
     except OSError:
         return False
     return True

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Writing results so that a reader finds the old one or the new one, never half of either, whatever ends the program.
+Writing results so that a reader finds the complete old or the complete new result, even if the program is killed.
 
-What is new is made aside, written through to the disk, and then takes its place in one step. The files of a folder that
-cannot be exchanged, as of a mount point, are made inside of it and take their places one by one. What a run that was
-killed left aside is taken away by the next one at the same path.
+New results are made in a staging folder, written through to the disk, and moved into place in one step. If a folder
+cannot be exchanged, such as a mount point, the staging folder is inside that folder and the files are moved singly. The
+next run at the same path removes the staging folder of a killed run.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from pathlib import Path
 from cfd_pneumatic.errors import InputError
 
 _AT_FDCWD = -100
-_EXCHANGE = 2  # of renameat2: both paths stay there, with each other's content
+_EXCHANGE = 2  # flag of renameat2: the two paths exchange their contents
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_ASIDE = re.compile(r'\.(.+)~[a-z0-9_]{8}', re.DOTALL)
-"""Names of folders aside, as `tempfile` completes them: nobody's own folder shall be taken for one."""
+_STAGING_NAME = re.compile(r'\.(.+)~[a-z0-9_]{8}', re.DOTALL)
+"""Names of staging folders, as `tempfile` completes them: a folder of the user must not match."""
 
 _OCTAL = re.compile(r'\\([0-7]{3})')
-"""How the kernel writes spaces in the paths of mount points."""
+"""The kernel's notation for spaces in the paths of mount points."""
 
-_BLOCK = 4096  # bytes that are written to find out whether the disk has room
+_BLOCK = 4096  # bytes that are written to test whether the disk has room
 
 
 def write_text(path: Path, text: str) -> None:
     """
-    Write a text file aside and let it take its place.
+    Write a text file completely or not at all.
 
     Raises
     ------
     InputError
-        If it can't be written.
+        If the file cannot be written.
 
     """
     write_bytes(path, text.encode(errors='backslashreplace'))
@@ -50,128 +50,128 @@ def write_text(path: Path, text: str) -> None:
 
 def write_bytes(path: Path, content: bytes) -> None:
     """
-    Write a file aside and let it take its place.
+    Write a file completely or not at all.
 
     Raises
     ------
     InputError
-        If it can't be written.
+        If the file cannot be written.
 
     """
-    with staged_output(path) as aside:
-        aside.write_bytes(content)
+    with staged_output(path) as staged:
+        staged.write_bytes(content)
 
 
 IsEarlier = Callable[[Path], bool]
-"""Returns whether what is in a folder is an earlier result, which may be replaced and removed."""
+"""Returns whether an entry of a folder is an earlier result, which may be replaced and removed."""
 
 
 Order = Callable[[str], int]
-"""Returns the rank of a file, by its name, among files that take their places one by one."""
+"""Returns the rank of a file name among files that are moved into place singly."""
 
 
 class StagedOutput:
     """
-    A folder in which the successor of a file or folder is made.
+    A staging folder in which the successor of a file or folder is made.
 
-    It is beside the path, or inside of a folder that cannot be exchanged for a new one: a mount point, a folder below
-    a parent that may not be written, or one of another owner, group, mode or attributes than a new one.
+    The staging folder is in the parent of the path, or inside a folder that cannot be exchanged for a new folder: a
+    mount point, a folder in a parent without write permission, or a folder with other rights than a new folder.
 
     Parameters
     ----------
     path
-        Of a file or folder, which may be there already.
-    alone
-        Whether nobody else may be making the same.
+        Path of a file or folder, which may exist.
+    exclusive
+        Whether to refuse the path if another run is making its successor.
 
     Attributes
     ----------
     path : Path
-        The place that it will take.
+        Path of the result.
     parent : Path
-        Folder that the aside is in: the path's parent, or the path itself.
-    made : Path
-        What is to take the path's place; not there yet.
+        Parent of the staging folder: the parent of the path, or the path itself.
+    staged : Path
+        Path at which the caller makes the successor.
 
     Raises
     ------
     OSError
         If nothing can be written there.
     InputError
-        If somebody else is making the same, who should be alone.
+        If `exclusive`, and another run is making the successor.
 
     """
 
-    def __init__(self, path: Path, *, alone: bool = False) -> None:
-        self.path = path.resolve() if path.is_dir() else path  # a link to a folder stays one
-        name = _name_of(self.path)
-        self.parent = _parent_of_aside(self.path, name)
-        self._folder, self._lock = _locked_folder(self.parent, name)
-        self.made = self._folder / name
-        others = [remove_abandoned(folder, (name,), self._folder.name) for folder in (self.path.parent, self.path)]
-        if any(others) and alone:
+    def __init__(self, path: Path, *, exclusive: bool = False) -> None:
+        self.path = path.resolve() if path.is_dir() else path  # a link to a folder stays a link
+        name = _staging_key(self.path)
+        self.parent = _parent_of_staging(self.path, name)
+        self._folder, self._lock = _new_staging_folder(self.parent, name)
+        self.staged = self._folder / name
+        is_in_use = [remove_abandoned(folder, (name,), self._folder.name) for folder in (self.path.parent, self.path)]
+        if any(is_in_use) and exclusive:
             self.close()
             raise InputError(f'{path} is being written by another run: wait for it, or choose another name')
 
-    def take_place(
+    def move_into_place(
         self, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0, *, write_through: bool = True
     ) -> None:
         """
-        Let what was made take its place.
+        Move the successor to its path.
 
-        A folder is exchanged in one step if it holds nothing but earlier results and the file system can exchange it.
-        Otherwise the files take their places one by one, and earlier results that were not made anew are removed.
+        A folder is exchanged in one step if all its entries are earlier results and the file system can exchange it.
+        Otherwise the files are moved singly, and earlier results without a successor are removed.
 
         Parameters
         ----------
         is_earlier
-            What in the folder is an earlier result; by default nothing.
+            Recognises earlier results in the folder; by default none.
         order
-            In which order they take their places one by one; by default by their names.
+            Order in which files are moved singly; by default by name.
         write_through
-            Whether the disk has to hold everything before.
+            Whether to write the successor through to the disk first.
 
         """
         if write_through:
-            _write_through(self.made)
-        if not (self.made.is_dir() and self.path.is_dir()):
-            os.replace(self.made, self.path)
+            _write_through(self.staged)
+        if not (self.staged.is_dir() and self.path.is_dir()):
+            os.replace(self.staged, self.path)
             _fsync(self.path.parent)
             return
-        inside = content(self.path)
-        if all(map(is_earlier, inside)) and not self.path.samefile('.') and _exchanged(self.made, self.path):
+        entries = folder_entries(self.path)
+        if all(map(is_earlier, entries)) and not self.path.samefile('.') and _exchange(self.staged, self.path):
             _fsync(self.path.parent)
             return
-        names = sorted(os.listdir(self.made), key=lambda name: (order(name), name))
+        names = sorted(os.listdir(self.staged), key=lambda name: (order(name), name))
         for name in names:
-            os.replace(self.made / name, self.path / name)
-        for path in inside:
+            os.replace(self.staged / name, self.path / name)
+        for path in entries:
             if path.name not in names and is_earlier(path):
                 path.unlink()
         _fsync(self.path)
 
-    def follow(self) -> bool:
+    def relocate(self) -> bool:
         """
-        Find the folder again by its lock, which stays open; return whether somebody moved it, or a folder above it.
+        Find the staging folder after a move of the folder or of its parents; return whether there was a move.
 
-        What is made takes a place in the folder that was moved.
+        The path of the result moves with the staging folder. The open lock leads to the new place.
 
         Raises
         ------
         InputError
-            If it cannot be reached any more.
+            If the folder cannot be reached any more.
 
         """
         if self._is_at(self._folder):
             return False
-        found = Path(os.readlink(f'/proc/self/fd/{self._lock}'))
-        if not self._is_at(found):
+        folder = Path(os.readlink(f'/proc/self/fd/{self._lock}'))
+        if not self._is_at(folder):
             raise InputError(
                 f'cannot write {self.path}: {self.parent} was removed, moved to another disk, or hidden by a mount. '
-                f'What was written is lost, unless {self._folder.name} is still in it: look for it, and start again'
+                f'The written data are lost, unless {self._folder.name} is still there. Look for it, and start again'
             )
-        self._folder, self.parent = found, found.parent
-        self.made = found / self.made.name
+        self._folder, self.parent = folder, folder.parent
+        self.staged = folder / self.staged.name
         self.path = self.parent / self.path.name
         return True
 
@@ -182,53 +182,53 @@ class StagedOutput:
             return False
 
     def close(self) -> None:
-        """Take away what is left, what was there before in it."""
+        """Remove the staging folder, which may contain the exchanged earlier result."""
         with suppress(InputError):
-            self.follow()
-        _remove_aside(self._folder, self._lock)
+            self.relocate()
+        _remove_staging_folder(self._folder, self._lock)
 
 
 @contextmanager
 def staged_output(path: Path, is_earlier: IsEarlier = lambda _: False, order: Order = lambda _: 0) -> Iterator[Path]:
     """
-    Yield where the successor of a file or folder is made; it takes its place at the end, but not after an error.
+    Yield the path for the successor of a file or folder; move it into place at the end, but not after an error.
 
     Parameters
     ----------
     path
-        Of a file or folder, which may be there already.
+        Path of a file or folder, which may exist.
     is_earlier, order
-        As `Aside.take_place` takes them.
+        See `StagedOutput.move_into_place`.
 
     Raises
     ------
     InputError
-        If it can't be written.
+        If the path cannot be written.
 
     """
     with disk_errors_reported(path):
-        aside = StagedOutput(path)
+        output = StagedOutput(path)
         try:
-            yield aside.made
-            aside.take_place(is_earlier, order)
+            yield output.staged
+            output.move_into_place(is_earlier, order)
         finally:
-            aside.close()
+            output.close()
 
 
-def content(folder: Path) -> list[Path]:
-    """Return what a folder holds, without the asides of runs that write it or were killed."""
-    name = _name_of(folder.resolve())
-    return [entry for entry in folder.iterdir() if _successor(entry.name) != name or not _is_folder(entry)]
+def folder_entries(folder: Path) -> list[Path]:
+    """Return the files and folders in a folder, without its staging folders."""
+    name = _staging_key(folder.resolve())
+    return [entry for entry in folder.iterdir() if _staged_name(entry.name) != name or not _is_folder(entry)]
 
 
 def _is_folder(path: Path) -> bool:
-    """Return whether a path is that of a folder, and no link to one."""
+    """Return whether a path is a folder and not a link."""
     return path.is_dir() and not path.is_symlink()
 
 
 @contextmanager
 def disk_errors_reported(path: Path) -> Iterator[None]:
-    """Turn what a disk can do wrong into an error for the user."""
+    """Convert disk errors into an error for the user."""
     try:
         yield
     except OSError as error:
@@ -239,9 +239,9 @@ def disk_errors_reported(path: Path) -> Iterator[None]:
 
 
 def _destination(path: Path) -> Path:
-    """Return the file or folder that the user named, for a path in the folder in which its successor is made."""
+    """Return the file or folder that the user named, for a path in its staging folder."""
     for part in (*reversed(path.parents), path):
-        if (name := _successor(part.name)) is not None:
+        if (name := _staged_name(part.name)) is not None:
             return part.with_name(name)
     return path
 
@@ -249,17 +249,17 @@ def _destination(path: Path) -> Path:
 @contextmanager
 def exclusive_access(folder: Path) -> Iterator[None]:
     """
-    Be the only one who writes results into a folder.
+    Prevent other runs from writing results into a folder.
 
     Raises
     ------
     InputError
-        If somebody else does.
+        If another run is writing into the folder.
 
     """
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        if not _locked(lock):
+        if not _lock(lock):
             raise InputError(f'{folder} is being written by another run: wait for it, or choose another folder')
         yield
     finally:
@@ -273,7 +273,7 @@ def make_folder(folder: Path) -> None:
     Raises
     ------
     InputError
-        If it can't be made or written.
+        If the folder cannot be made or written.
 
     """
     with disk_errors_reported(folder):
@@ -282,142 +282,143 @@ def make_folder(folder: Path) -> None:
             pass
 
 
-def check_folder(folder: Path, *, alone: bool = False) -> None:
+def check_folder(folder: Path, *, exclusive: bool = False) -> None:
     """
-    Find out whether an output folder can be made and written, before the work is done, and leave none behind.
+    Check before the work that an output folder can be made and written; leave no folder behind.
 
-    It does in an aside what writing the results will do: it makes the folders that are missing, and writes a block to
-    the disk.
+    The check makes the missing folders in a staging folder and writes a block to the disk.
 
     Parameters
     ----------
     folder
-        Where results are to be written; need not be there.
-    alone
-        Whether nobody else may be making the same folder.
+        Folder for the results; may be missing.
+    exclusive
+        Whether to refuse the folder if another run is making it.
 
     Raises
     ------
     InputError
-        If it can't, or another run writes results into it.
+        If the folder cannot be written, or another run writes results into it.
 
     """
     with disk_errors_reported(folder):
         path = folder if os.path.lexists(folder) else Path(os.path.realpath(folder))
-        missing = [one for one in (path, *path.parents) if not os.path.lexists(one)]
+        missing = [parent for parent in (path, *path.parents) if not os.path.lexists(parent)]
         with nullcontext() if missing else exclusive_access(folder):
             top = missing[-1] if missing else path
-            aside = StagedOutput(top, alone=alone)
+            output = StagedOutput(top, exclusive=exclusive)
             try:
-                made = aside.made / path.relative_to(top)
-                made.mkdir(parents=True)
-                StagedOutput(made).close()  # there is room for its name
-                (made / 'block').write_bytes(bytes(_BLOCK))
-                _write_through(made)
+                staged = output.staged / path.relative_to(top)
+                staged.mkdir(parents=True)
+                StagedOutput(staged).close()  # the path has room for the name of a staging folder
+                (staged / 'block').write_bytes(bytes(_BLOCK))
+                _write_through(staged)
             finally:
-                aside.close()
+                output.close()
 
 
-def remove_abandoned(folder: Path, names: Collection[str], own: str = '') -> bool:
+def remove_abandoned(folder: Path, names: Collection[str], kept: str = '') -> bool:
     """
-    Take away what runs that were killed left aside.
+    Remove the staging folders of killed runs.
 
     Parameters
     ----------
-    folder, names
-        Where, and of the files and folders whose successors they made.
-    own
-        Name of a folder aside that stays.
+    folder
+        Folder that is searched for staging folders.
+    names
+        Names of results; their staging folders are removed.
+    kept
+        Name of a staging folder that stays.
 
     Returns
     -------
     bool
-        Whether a run that lives makes one of them.
+        Whether a running program uses such a staging folder.
 
     """
-    somebody = False
-    for left in _entries(folder):
-        if left.name == own or _successor(left.name) not in names:
+    is_in_use = False
+    for staging in _list_folder(folder):
+        if staging.name == kept or _staged_name(staging.name) not in names:
             continue
         with suppress(OSError):
-            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
-                if _locked(lock):
-                    shutil.rmtree(left)
+                if _lock(lock):
+                    shutil.rmtree(staging)
                 else:
-                    somebody = True
+                    is_in_use = True
             finally:
                 os.close(lock)
-    return somebody
+    return is_in_use
 
 
-def _entries(folder: Path) -> list[Path]:
+def _list_folder(folder: Path) -> list[Path]:
     try:
         return list(folder.iterdir())
-    except OSError:  # it is not there, or one may not look into it
+    except OSError:  # the folder is missing, or the user has no permission to list it
         return []
 
 
-def _successor(aside: str) -> str | None:
-    """Return the name of what is made in a folder aside, by its name; None if no folder aside is called so."""
-    found = _ASIDE.fullmatch(aside)
-    return None if found is None else found[1]
+def _staged_name(folder_name: str) -> str | None:
+    """Return the name of the result that a staging folder is for; None if it is not the name of a staging folder."""
+    match = _STAGING_NAME.fullmatch(folder_name)
+    return None if match is None else match[1]
 
 
-def _name_of(path: Path) -> str:
-    """Return the name by which asides of a path are known; the root has none of its own."""
+def _staging_key(path: Path) -> str:
+    """Return the name of a path in the names of its staging folders; the root of the file system has no name."""
     return path.name or 'root'
 
 
-def _parent_of_aside(path: Path, name: str) -> Path:
-    """Return in which folder an aside of a path is made: beside it, or in a folder that cannot be exchanged."""
+def _parent_of_staging(path: Path, name: str) -> Path:
+    """Return the parent for a staging folder: that of the path, or the path if it cannot be exchanged."""
     return path if path.is_dir() and not _is_exchangeable(path, name) else path.parent
 
 
 def _is_exchangeable(path: Path, name: str) -> bool:
-    """Return whether a folder that is made beside one can be moved there, and is the same to everybody."""
+    """Return whether a new folder in the parent can be moved into a folder and has the same rights."""
     try:
-        aside, lock = _locked_folder(path.parent, name)
-    except OSError:  # the parent may not be written
+        staging, lock = _new_staging_folder(path.parent, name)
+    except OSError:  # the user may not write into the parent
         return False
-    probe, moved = aside / name, path / aside.name
+    probe, moved = staging / name, path / staging.name
     try:
         probe.mkdir()
-        alike = _rights(probe) == _rights(path)
-        os.rename(probe, moved)  # a mount refuses it, even one of the same file system
+        has_same_rights = _rights(probe) == _rights(path)
+        os.rename(probe, moved)  # a mount refuses the move, even within a file system
         moved.rmdir()
     except OSError:
         return False
     finally:
-        _remove_aside(aside, lock)
-    return alike
+        _remove_staging_folder(staging, lock)
+    return has_same_rights
 
 
 def _rights(folder: Path) -> tuple[object, ...]:
-    """Return what a new folder has to have in common; access control lists are attributes."""
-    found = folder.stat()
+    """Return the device, owner, group, mode and attributes (with access control lists) of a folder."""
+    state = folder.stat()
     attributes = {name: os.getxattr(folder, name) for name in os.listxattr(folder)}
-    return found.st_dev, found.st_uid, found.st_gid, found.st_mode, attributes
+    return state.st_dev, state.st_uid, state.st_gid, state.st_mode, attributes
 
 
-def _remove_aside(folder: Path, lock: int) -> None:
+def _remove_staging_folder(folder: Path, lock: int) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     os.close(lock)
 
 
-def _locked_folder(parent: Path, name: str) -> tuple[Path, int]:
-    """Return a new folder for the successor of what has a name, and its lock, which tells others that it is in use."""
+def _new_staging_folder(parent: Path, name: str) -> tuple[Path, int]:
+    """Make a staging folder for a result with a name; return the folder and its lock, which marks it as in use."""
     while True:
         folder = Path(tempfile.mkdtemp(dir=parent, prefix=f'.{name}~'))
-        with suppress(FileNotFoundError):  # somebody took it for one that was left
+        with suppress(FileNotFoundError):  # another run removed the folder before it was locked
             lock = os.open(folder, os.O_RDONLY)
-            if _locked(lock) and folder.exists():
+            if _lock(lock) and folder.exists():
                 return folder, lock
             os.close(lock)
 
 
-def _locked(descriptor: int) -> bool:
-    """Lock a folder as long as it is open; return whether nobody else had it. A system without locks has no others."""
+def _lock(descriptor: int) -> bool:
+    """Lock an open folder; return whether it was free. A system without locks counts as free."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -427,51 +428,51 @@ def _locked(descriptor: int) -> bool:
     return True
 
 
-def _exchanged(one: Path, other: Path) -> bool:
-    """Exchange what is at two paths; return whether the file system could."""
+def _exchange(first: Path, second: Path) -> bool:
+    """Exchange the contents of two paths; return whether the file system supports the exchange."""
     rename = getattr(ctypes.CDLL(None, use_errno=True), 'renameat2', None)
     if rename is None:
         return False
-    failed: int = rename(_AT_FDCWD, os.fsencode(one), _AT_FDCWD, os.fsencode(other), ctypes.c_uint(_EXCHANGE))
-    return failed == 0
+    status: int = rename(_AT_FDCWD, os.fsencode(first), _AT_FDCWD, os.fsencode(second), ctypes.c_uint(_EXCHANGE))
+    return status == 0
 
 
 def is_mount_point(path: Path) -> bool:
-    """Return whether something is mounted at a path, perhaps a file or folder of the same file system."""
+    """Return whether a path is a mount point, even of a file or folder of the same file system."""
     if os.path.ismount(path):
         return True
     place = os.path.join(os.path.realpath(path.parent), path.name)
     with suppress(OSError), open('/proc/self/mountinfo', encoding='utf-8', errors='surrogateescape') as mounts:
-        return any(_OCTAL.sub(lambda one: chr(int(one[1], 8)), line.split()[4]) == place for line in mounts)
+        return any(_OCTAL.sub(lambda match: chr(int(match[1], 8)), line.split()[4]) == place for line in mounts)
     return False
 
 
 def checksum(path: Path) -> str:
     """Return the SHA-256 of a file."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     with path.open('rb') as stream:
         while part := stream.read(2**20):
-            found.update(part)
-    return found.hexdigest()
+            digest.update(part)
+    return digest.hexdigest()
 
 
 def _write_through(path: Path) -> None:
-    """Have the disk hold a file, or a folder with all that is in it."""
+    """Write a file, or a folder with its entries, through to the disk."""
     if path.is_dir():
-        for inside in path.iterdir():
-            _write_through(inside)
+        for entry in path.iterdir():
+            _write_through(entry)
     _fsync(path)
 
 
 def _fsync(path: Path) -> None:
     try:
         descriptor = os.open(path, os.O_RDONLY)
-    except PermissionError:  # a folder may be written, but not read
+    except PermissionError:  # a folder may have write permission without read permission
         return
     try:
         os.fsync(descriptor)
     except OSError as error:
-        if error.errno != errno.EINVAL:  # a file system that can't do that with folders
+        if error.errno != errno.EINVAL:  # a file system that cannot synchronise folders
             raise
     finally:
         os.close(descriptor)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Serialised messages: their definitions, where a number is in them, and making them of numbers.
+Serialised messages: their definitions, the places of numbers in them, and new messages with given numbers.
 
-Bags and nodes share this; nothing here knows a file of a bag, a node, or a signal.
+Bags and nodes share this package. It does not depend on bags, nodes or signals.
 """
 
 from __future__ import annotations
@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
-    from cfd_pneumatic.messages.blocks import NEVER, MessageBlock, OneByOne, Span, earliest_after, gather, join, scatter
+    from cfd_pneumatic.messages.blocks import (
+        NEVER,
+        GroupingReader,
+        MessageBlock,
+        Span,
+        earliest_after,
+        gather,
+        join,
+        scatter,
+    )
     from cfd_pneumatic.messages.decoding import CounterPath, Decoder, TimePaths
     from cfd_pneumatic.messages.definitions import FORMATS, Definitions
     from cfd_pneumatic.messages.fields import (

@@ -14,10 +14,10 @@ from rosbags.interfaces import Connection
 Owner = TypeVar('Owner')
 
 Span = tuple[int, int]
-"""From when to when [ns]; 0 where it's not known."""
+"""First and last time [ns]; 0 if a time is not known."""
 
-TOGETHER = 16_384
-"""Messages of all topics that are put together."""
+MESSAGES_PER_BLOCK = 16_384
+"""Number of messages, of all topics, in one block."""
 
 NEVER = 2**63 - 1
 """Later than any time [ns]."""
@@ -33,9 +33,9 @@ class MessageBlock:
     times : (n,) array of int
         Times of reception [ns].
     data : bytes
-        What their payloads are in; there may be more in it.
+        Memory that contains the payloads, perhaps among other bytes.
     starts, sizes : (n,) array of int
-        Where in `data` each payload begins and how many bytes it has.
+        Position in `data` at which each payload begins, and its number of bytes.
 
     """
 
@@ -45,8 +45,8 @@ class MessageBlock:
     sizes: NDArray[np.int64]
 
     @classmethod
-    def of(cls, times: Sequence[int] | NDArray[np.int64], payloads: Sequence[bytes]) -> MessageBlock:
-        """Return messages that were one by one."""
+    def from_payloads(cls, times: Sequence[int] | NDArray[np.int64], payloads: Sequence[bytes]) -> MessageBlock:
+        """Return a block of separate messages."""
         sizes = np.fromiter(map(len, payloads), np.int64, len(payloads))
         return cls(np.array(times, np.int64), b''.join(payloads), np.cumsum(sizes) - sizes, sizes)
 
@@ -54,75 +54,75 @@ class MessageBlock:
         """Return the number of messages."""
         return len(self.times)
 
-    def __getitem__(self, which: slice | NDArray[np.intp]) -> MessageBlock:
-        """Return some of the messages, in the same memory."""
-        return MessageBlock(self.times[which], self.data, self.starts[which], self.sizes[which])
+    def __getitem__(self, indices: slice | NDArray[np.intp]) -> MessageBlock:
+        """Return a selection of the messages, in the same memory."""
+        return MessageBlock(self.times[indices], self.data, self.starts[indices], self.sizes[indices])
 
     def payload(self, index: int) -> bytes:
-        """Return one message's payload."""
+        """Return the payload of a message."""
         start = int(self.starts[index])
         return self.data[start : start + int(self.sizes[index])]
 
 
 def join(blocks: Sequence[MessageBlock]) -> MessageBlock:
-    """Return the messages of several blocks in the order of reception, equal times in the order given."""
+    """Return the messages of several blocks in order of reception; equal times keep the order of the blocks."""
     if len(blocks) == 1:
         return blocks[0]
     times = np.concatenate([block.times for block in blocks])
     shifts = np.cumsum([0, *(len(block.data) for block in blocks[:-1])])
     starts = np.concatenate([block.starts + shift for block, shift in zip(blocks, shifts)])
     sizes = np.concatenate([block.sizes for block in blocks])
-    whole = MessageBlock(times, b''.join([block.data for block in blocks]), starts, sizes)
-    return whole[np.argsort(times, kind='stable')]
+    joined = MessageBlock(times, b''.join([block.data for block in blocks]), starts, sizes)
+    return joined[np.argsort(times, kind='stable')]
 
 
 def gather(data: bytes, dtype: str, places: NDArray[np.int64]) -> NDArray[Any]:
-    """Return what is at some places of a piece of memory."""
+    """Return the items of a type at given places of a piece of memory."""
     kind = np.dtype(dtype)
     if not len(places):
-        return np.empty(0, kind)  # the memory may be shorter than what is looked for
+        return np.empty(0, kind)  # the memory may be shorter than an item
     everywhere: NDArray[Any] = np.ndarray(len(data) - kind.itemsize + 1, kind, data, strides=(1,))
     return everywhere[places]
 
 
 def scatter(items: NDArray[Any], data: bytearray, places: NDArray[np.int64]) -> None:
-    """Put items at some places of a piece of memory."""
+    """Write items to given places of a piece of memory."""
     kind = np.dtype(f'V{items.dtype.itemsize}')
     if len(places):
         everywhere: NDArray[Any] = np.ndarray(len(data) - kind.itemsize + 1, kind, data, strides=(1,))
         everywhere[places] = items.view(kind)
 
 
-class Messages(Protocol):
-    """What gives the messages of a file one by one: rosbags' readers and ours for damaged files."""
+class MessageReader(Protocol):
+    """Reader that yields single messages of a file: those of rosbags, and ours for damaged files."""
 
     @property
     def connections(self) -> list[Connection]:
         """The topics."""
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield the messages of some topics: topic, time of reception [ns], payload."""
+        """Yield the messages of given topics: topic, time of reception [ns], payload."""
 
 
 @dataclass(frozen=True)
-class OneByOne:
+class GroupingReader:
     """
-    A file whose messages come one by one.
+    Reader that groups the single messages of a file into blocks.
 
     Attributes
     ----------
-    source : Messages
-        What they come from.
+    source : MessageReader
+        Reader of the single messages.
     start_time : int
         Time of the first message [ns].
     left_out : list of Span
-        Times of which messages were left out; it isn't known here.
+        Times of messages that were left out; not known for single messages.
     strays : int
-        Messages that belong to no topic.
+        Number of messages that belong to no topic.
 
     """
 
-    source: Messages
+    source: MessageReader
     start_time: int
     left_out: list[Span] = field(default_factory=list)
     strays: int = 0
@@ -133,13 +133,13 @@ class OneByOne:
         return self.source.connections
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
-        """Yield the messages of some topics."""
-        for owners, block in put_together(self.source.messages(connections)):
-            yield from by_topic(block, np.array([owner.id for owner in owners]), connections)
+        """Yield the messages of given topics."""
+        for owners, block in group_messages(self.source.messages(connections)):
+            yield from split_by_topic(block, np.array([owner.id for owner in owners]), connections)
 
 
-def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple[list[Owner], MessageBlock]]:
-    """Yield messages that come one by one, each with what says whose it is, its time of reception and its payload."""
+def group_messages(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple[list[Owner], MessageBlock]]:
+    """Group single messages (owner, time of reception, payload) into blocks; yield each with its messages' owners."""
     owners: list[Owner] = []
     times: list[int] = []
     payloads: list[bytes] = []
@@ -147,25 +147,25 @@ def put_together(messages: Iterable[tuple[Owner, int, bytes]]) -> Iterator[tuple
         owners.append(owner)
         times.append(time)
         payloads.append(payload)
-        if len(times) == TOGETHER:
-            yield owners, MessageBlock.of(times, payloads)
+        if len(times) == MESSAGES_PER_BLOCK:
+            yield owners, MessageBlock.from_payloads(times, payloads)
             owners, times, payloads = [], [], []
     if owners:
-        yield owners, MessageBlock.of(times, payloads)
+        yield owners, MessageBlock.from_payloads(times, payloads)
 
 
-def by_topic(
+def split_by_topic(
     block: MessageBlock, ids: NDArray[np.int64], connections: Collection[Connection]
 ) -> Iterator[tuple[Connection, MessageBlock]]:
-    """Part a block whose messages are on several connections; some of these may have one topic."""
+    """Split a block of several connections by topic; connections may share a topic."""
     topics: dict[str, list[Connection]] = {}
     for connection in connections:
         topics.setdefault(connection.topic, []).append(connection)
-    for same in topics.values():
-        yield same[0], block[np.flatnonzero(np.isin(ids, [connection.id for connection in same]))]
+    for same_topic in topics.values():
+        yield same_topic[0], block[np.flatnonzero(np.isin(ids, [connection.id for connection in same_topic]))]
 
 
 def earliest_after(begins: Sequence[int]) -> list[int]:
-    """Return for each piece the earliest time [ns] in all later pieces, whose own earliest times are given."""
+    """Return for each piece the earliest time [ns] in all later pieces; `begins` has each piece's earliest time."""
     earliest = np.minimum.accumulate([*begins, NEVER][::-1])[::-1]
     return [int(time) for time in earliest[1:]]

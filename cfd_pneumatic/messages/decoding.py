@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From serialised messages to arrays, many messages at a time."""
+"""Decode serialised messages into arrays, many messages at a time."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from cfd_pneumatic.messages.fields import FieldPath
 from cfd_pneumatic.messages.layout import Layout, LayoutError, Place, Serialization
 from cfd_pneumatic.messages.types import NANOSECONDS
 
-KNOWN = 8
-"""Layouts that are remembered from one block to the next."""
+MOST_LAYOUTS = 8
+"""Number of layouts that are remembered from block to block."""
 
 
 @dataclass(frozen=True)
 class TimePaths:
-    """Where the stamp of a message is: seconds and nanoseconds."""
+    """Paths of a message's stamp: seconds and nanoseconds."""
 
     seconds: FieldPath
     nanoseconds: FieldPath
@@ -33,7 +33,7 @@ class TimePaths:
 
 @dataclass(frozen=True)
 class CounterPath:
-    """Where the stamp of a message is: a number in a unit of its own [s]."""
+    """Path of a message's stamp that is one number, with its unit [s]."""
 
     counter: FieldPath
     unit: float
@@ -42,27 +42,27 @@ class CounterPath:
 @dataclass(frozen=True)
 class Columns:
     """
-    What a run of messages holds.
+    Numbers and stamps of consecutive messages.
 
     Attributes
     ----------
-    found : (n,) array of bool
-        Whether the message has the wanted number; False where an array is too short or lacks the name.
+    has_number : (n,) array of bool
+        Whether the message has the wanted number. An array may be too short for its index or lack its name.
     values : (n,) array
-        The numbers; meaningless where not found.
+        The numbers; meaningless if `has_number` is False.
     stamps : (n,) array of int
-        The stamps [ns]; 0 where there is none.
+        The stamps [ns]; 0 for messages without a stamp.
 
     """
 
-    found: NDArray[np.bool_]
+    has_number: NDArray[np.bool_]
     values: Array
     stamps: NDArray[np.int64]
 
 
 class Decoder:
     """
-    Decodes the messages of one topic.
+    Decoder of the messages of a topic.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ class Decoder:
     msgtype : str
         Type of the topic.
     value : FieldPath
-        The wanted number.
+        Path of the wanted number.
     stamp : TimePaths or CounterPath or None
-        Where the messages' stamp is; None for messages without.
+        Path of the messages' stamp; None for messages without a stamp.
     serialization : Serialization
         How the bag's messages are serialised.
 
@@ -92,15 +92,15 @@ class Decoder:
         self._value = value
         self._stamp = stamp
         self._serialization = serialization
-        self._known: deque[Layout] = deque(maxlen=KNOWN)
+        self._layouts: deque[Layout] = deque(maxlen=MOST_LAYOUTS)
 
     def names(self, payload: bytes) -> list[str]:
-        """Return the names of a message's entries, as JointState has them."""
+        """Return the names of a message's array entries, such as the joints of a JointState."""
         return self._parse(payload).names()
 
     def decode(self, block: MessageBlock) -> Columns:
         """
-        Return the numbers and stamps of messages.
+        Return the wanted number and the stamp of each message.
 
         Raises
         ------
@@ -110,29 +110,29 @@ class Decoder:
         """
         count = len(block)
         columns = Columns(np.zeros(count, bool), np.zeros(count), np.zeros(count, np.int64))
-        for layout, which in self._alike(block):
-            messages = block[which]
+        for layout, indices in self._split_by_layout(block):
+            messages = block[indices]
             place = layout.place(self._value)
             if place is not None:
-                columns.found[which] = True
-                columns.values[which] = _numbers(messages, place)
-            columns.stamps[which] = self._stamps(layout, messages)
+                columns.has_number[indices] = True
+                columns.values[indices] = _numbers(messages, place)
+            columns.stamps[indices] = self._stamps(layout, messages)
         return columns
 
-    def _alike(self, block: MessageBlock) -> Iterator[tuple[Layout, NDArray[np.intp]]]:
-        """Sort messages by layout: for each layout yield which have it."""
+    def _split_by_layout(self, block: MessageBlock) -> Iterator[tuple[Layout, NDArray[np.intp]]]:
+        """Split a block by layout: yield each layout with the indices of its messages."""
         pending = np.arange(len(block))
-        known = iter(tuple(self._known))
+        layouts = iter(tuple(self._layouts))
         while pending.size:
-            layout = next(known, None) or self._learn(block.payload(pending[0]))
-            alike = layout.alike(block[pending])
-            if alike.any():
-                yield layout, pending[alike]
-                pending = pending[~alike]
+            layout = next(layouts, None) or self._remember_layout(block.payload(pending[0]))
+            fitting = layout.fitting(block[pending])
+            if fitting.any():
+                yield layout, pending[fitting]
+                pending = pending[~fitting]
 
-    def _learn(self, payload: bytes) -> Layout:
+    def _remember_layout(self, payload: bytes) -> Layout:
         layout = self._parse(payload)
-        self._known.appendleft(layout)
+        self._layouts.appendleft(layout)
         return layout
 
     def _parse(self, payload: bytes) -> Layout:
@@ -158,7 +158,7 @@ class Decoder:
 
 
 def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
-    """Return times in a unit [s] as whole nanoseconds; those that are not finite become 0."""
+    """Convert times in a unit [s] to whole nanoseconds; times that are not finite become 0."""
     if np.issubdtype(times.dtype, np.integer) and unit * NANOSECONDS >= 1:
         return times.astype(np.int64) * round(unit * NANOSECONDS)
     nanoseconds = np.rint(times.astype(np.float64) * (unit * NANOSECONDS))
@@ -166,5 +166,5 @@ def in_nanoseconds(times: NDArray[Any], unit: float) -> NDArray[np.int64]:
 
 
 def _numbers(messages: MessageBlock, place: Place) -> NDArray[Any]:
-    """Return the numbers at one place of every message."""
+    """Return the number at a place of every message."""
     return gather(messages.data, place.dtype, messages.starts + place.offset)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions of message types: a bag's own, ROS 2's, and those that the user gives."""
+"""Definitions of message types: those in the bag, those of ROS 2, and those of the user."""
 
 from __future__ import annotations
 
@@ -32,49 +32,49 @@ FORMATS = {
     'ros2idl': MessageDefinitionFormat.IDL,
     'omgidl': MessageDefinitionFormat.IDL,
 }
-"""How message definitions are written, by what files call it."""
+"""Language of a message definition, by its name in bags."""
 
 MOST_FIELDS = 100_000
-"""Of a message, with all that is inside it; lists of numbers count once."""
+"""Fields of a message, including the messages inside it; a list of numbers counts once."""
 
 MOST_STEPS = 400_000
-"""Words and marks that are looked for in all definitions of a recording: some 25,000 lines, which take 2 s."""
+"""Token matches for all definitions of a recording: some 25,000 lines, which take 2 s."""
 
 LONGEST_PARSING = 10.0
-"""Time of the processor for all definitions of a recording: one look may go over a whole text [s]."""
+"""Processor time for all definitions of a recording [s]; a single token match may scan a whole text."""
 
 MOST_ENTRIES = 50_000
-"""Files and folders in the folder of the user's definitions, which are looked through in a second."""
+"""Files and folders in the folder of the user's definitions; listing so many takes a second."""
 
 MOST_FILES = 2_000
-"""Definitions in that folder; all of ROS 2 and its stacks has as many."""
+"""Definitions in the user's folder; all of ROS 2 and its stacks has as many."""
 
 LARGEST = 2**20
-"""Bytes of a definition."""
+"""Size of a definition [bytes]."""
 
 LARGEST_TOGETHER = 16 * LARGEST
-"""Bytes of all definitions in a folder."""
+"""Size of all definitions in a folder [bytes]."""
 
 LONGEST_ARRAY = 2**32 - 1
-"""Entries of an array; a message counts its bytes with as many bits."""
+"""Entries of an array; a message's length has 32 bits."""
 
 _IDL_SEPARATOR = '=' * 80 + '\n'
 
 
 class Definitions:
     """
-    The definitions that the messages of a recording have, each parsed once.
+    Definitions of the messages of a recording, each parsed once.
 
     Parameters
     ----------
     folder : Path, optional
-        Folder with the user's definitions: PACKAGE/msg/NAME.msg or PACKAGE/NAME.msg, at any depth; the folder may
-        itself be the package.
+        Folder with the user's definitions: PACKAGE/msg/NAME.msg or PACKAGE/NAME.msg, at any depth. The folder may
+        be the package.
 
     Raises
     ------
     InputError
-        If there are no such files, or more than can be meant.
+        If the folder has no definitions, or too many.
 
     """
 
@@ -83,42 +83,42 @@ class Definitions:
         self._parsed: dict[tuple[str, str], Typesdict] = {}
         self._steps, self._seconds = MOST_STEPS, LONGEST_PARSING
 
-    def of(self, connections: Sequence[Connection]) -> Typestore:
+    def for_topic(self, connections: Sequence[Connection]) -> Typestore:
         """
-        Return the definitions for a topic: those in the bag, else the user's and ROS 2's.
+        Return the definitions for a topic: those in the bag, else those of the user and of ROS 2.
 
         Raises
         ------
         InputError
-            If the topic's type, or one inside it, is defined nowhere, its connections define it in two ways, or a
-            definition can't be parsed.
+            If the topic's type, or a type inside it, has no definition, its connections define it differently, or a
+            definition cannot be parsed.
 
         """
         distinct = {(connection.msgdef.format, connection.msgdef.data): connection for connection in connections}
-        types, *others = [self._of(connection) for connection in distinct.values()]
+        types, *more_types = [self._for_connection(connection) for connection in distinct.values()]
         msgtype = connections[0].msgtype
-        if any(_needed(other, msgtype) != _needed(types, msgtype) for other in others):
+        if any(_fields_by_type(store, msgtype) != _fields_by_type(types, msgtype) for store in more_types):
             raise InputError(
                 f'topic {connections[0].topic} has messages of two definitions of {msgtype}: '
-                'split the bag, or leave out what one of its publishers sent'
+                'split the bag, or remove the messages of one publisher'
             )
         return types
 
-    def _of(self, connection: Connection) -> Typestore:
-        stored = connection.msgdef.format != MessageDefinitionFormat.NONE
-        types = self._in_the_bag(connection) if stored else self._given(connection.msgtype)
+    def _for_connection(self, connection: Connection) -> Typestore:
+        is_stored = connection.msgdef.format != MessageDefinitionFormat.NONE
+        types = self._stored_types(connection) if is_stored else self._user_types(connection.msgtype)
         try:
-            needed = _needed(types, connection.msgtype)
-            missing = next((name for name, fields in needed.items() if fields is None), None)
+            fields_by_type = _fields_by_type(types, connection.msgtype)
+            missing = next((name for name, fields in fields_by_type.items() if fields is None), None)
             if missing is not None:
-                which = f'of type {connection.msgtype}'
-                if missing != connection.msgtype:  # what the user's definitions name is not quoted
-                    which = f'that hold {missing if stored else "another type"} (inside {connection.msgtype})'
+                description = f'of type {connection.msgtype}'
+                if missing != connection.msgtype:  # the contents of the user's definitions may be secret
+                    description = f'that hold {missing if is_stored else "another type"} (inside {connection.msgtype})'
                 raise InputError(
-                    f'topic {connection.topic} has messages {which}, which is unknown: '
+                    f'topic {connection.topic} has messages {description}, which is unknown: '
                     'in a mapping file give `types:`, the folder with its .msg files'
                 )
-            if _unfolded(types, connection.msgtype, {}) > MOST_FIELDS:
+            if _count_fields(types, connection.msgtype, {}) > MOST_FIELDS:
                 raise InputError(
                     f'the definition of {connection.msgtype} holds more than {MOST_FIELDS:,} fields, or itself: '
                     'leave the topic out'
@@ -127,19 +127,20 @@ class Definitions:
             raise InputError(f'the definition of {connection.msgtype} is nested too deeply') from error
         return types
 
-    def _in_the_bag(self, connection: Connection) -> Typestore:
+    def _stored_types(self, connection: Connection) -> Typestore:
+        """Return the definitions of a type that are in the bag."""
         types = get_typestore(Stores.EMPTY)
         try:
             if len(connection.msgdef.data) > LARGEST:
                 raise InputError(f'has more than {LARGEST // 2**20} MiB')
-            for text in _parts(connection.msgdef):
-                _add(types, self._parse(text, connection.msgtype, connection.msgdef.format))
+            for text in _definition_texts(connection.msgdef):
+                _add_definitions(types, self._parse(text, connection.msgtype, connection.msgdef.format))
         except InputError as error:
             raise InputError(f'the definition of {connection.msgtype} in the bag {error}') from error
         return types
 
-    def _given(self, msgtype: str) -> Typestore:
-        """Return the user's definitions of a type and of those inside it, among those of ROS 2."""
+    def _user_types(self, msgtype: str) -> Typestore:
+        """Return the types of ROS 2, with the user's definitions of a type and of the types inside it."""
         if msgtype not in self._files:
             return standard_types()
         types = get_typestore(Stores.LATEST)
@@ -154,8 +155,8 @@ class Definitions:
                     text = read_input(file, LARGEST).decode()
                     parsed = {name: self._parse(text, name, MessageDefinitionFormat.MSG)[name]}
                     if rank and _fields(parsed) != _fields({name: types.fielddefs[name]}):
-                        raise InputError(f'is another definition of {name} than {self._files[name][0]}: give one')
-                    _add(types, parsed)
+                        raise InputError(f'defines {name} differently from {self._files[name][0]}: remove one of them')
+                    _add_definitions(types, parsed)
                 except UnicodeDecodeError as error:
                     raise InputError(f'{file} is not a message definition: it is not text in UTF-8') from error
                 except InputError as error:
@@ -172,28 +173,28 @@ class Definitions:
                 self._parsed[text, msgtype] = make_typesdict(parser.specification())
             except InputError:
                 raise
-            except Exception as error:  # rosbags raises whatever a text makes it stumble over
+            except Exception as error:  # rosbags raises exceptions of any type for an invalid text
                 line = parser.line_reached - (kind == MessageDefinitionFormat.MSG)
                 raise InputError(f'is not a message definition: line {line} cannot be parsed') from error
             self._steps, self._seconds = parser.steps, parser.deadline - time.thread_time()
         return self._parsed[text, msgtype]
 
 
-class _Bounded:
-    """A parser of rosbags that gives up: there are short texts that it reads for hours."""
+class _BoundedParser:
+    """A rosbags parser with limits: rosbags can parse a short text for hours."""
 
     text: str
     steps: int
-    """How many words and marks it may still look for."""
+    """Number of token matches that the parser may still try."""
 
     deadline: float
-    """Until when, in the thread's time [s]."""
+    """Processor time of the thread at which the parser stops [s]."""
 
     _farthest = 0
 
     @property
     def line_reached(self) -> int:
-        """The line that it came to, from 1 on."""
+        """The last line that the parser reached, counted from 1."""
         return self.text.count('\n', 0, self._farthest) + 1
 
     def literal(self, pos: int, text: str) -> Result[str]:
@@ -208,21 +209,21 @@ class _Bounded:
         self.steps -= 1
         self._farthest = max(self._farthest, pos)
         if self.steps < 0 or time.thread_time() > self.deadline:
-            raise InputError('takes too long to parse: leave out what is not needed')
+            raise InputError('takes too long to parse: remove unused definitions')
 
 
-class _MsgParser(_Bounded, MSGParser):
+class _MsgParser(_BoundedParser, MSGParser):
     pass
 
 
-class _IdlParser(_Bounded, IDLParser):
+class _IdlParser(_BoundedParser, IDLParser):
     def _binop(self, pos: int, *_: object) -> Failure:
-        """Refuse constants that are computed, which ROS does not write: their numbers may have any length."""
+        """Refuse computed constants: their numbers may have any length, and ROS does not write them."""
         return Failure(pos, '', set())
 
 
 def _files_by_type(folder: Path) -> dict[str, list[Path]]:
-    """Return the definitions in a folder, at any depth, by their types."""
+    """Return the files of definitions in a folder, at any depth, by message type."""
     files: dict[str, list[Path]] = {}
     count = size = 0
     for file in sorted(_definitions_below(folder)):
@@ -237,51 +238,51 @@ def _files_by_type(folder: Path) -> dict[str, list[Path]]:
         if count > MOST_FILES or size > LARGEST_TOGETHER:
             raise InputError(
                 f'{folder} holds more than {MOST_FILES:,} .msg files or {LARGEST_TOGETHER // 2**20} MiB of them: '
-                'let `types` name the folder of the package that is needed'
+                'name the folder of the needed package in `types`'
             )
         package = file.parent.parent if file.parent.name == 'msg' else file.parent
         files.setdefault(f'{package.name}/msg/{file.stem}', []).append(file)
     if not files:
         raise InputError(
-            f'{folder} holds no .msg files: `types` names the folder with the definitions of your messages'
+            f'{folder} holds no .msg files: name the folder with the definitions of your messages in `types`'
         )
     return files
 
 
 def _definitions_below(folder: Path) -> Iterator[Path]:
-    """Yield what a folder holds, at any depth, that is named as a definition, but nothing hidden or linked."""
-    waiting = [folder.resolve()]
-    seen = 0
-    while waiting:
+    """Yield the paths below a folder that end in .msg; skip hidden entries and do not enter linked folders."""
+    pending = [folder.resolve()]
+    count = 0
+    while pending:
         try:
-            with os.scandir(waiting.pop()) as entries:
+            with os.scandir(pending.pop()) as entries:
                 for entry in entries:
-                    seen += 1
-                    if seen > MOST_ENTRIES:
+                    count += 1
+                    if count > MOST_ENTRIES:
                         raise InputError(
-                            f'{folder} holds more than {MOST_ENTRIES:,} files and folders: let `types` name the folder '
-                            'of the package that is needed'
+                            f'{folder} holds more than {MOST_ENTRIES:,} files and folders: '
+                            'name the folder of the needed package in `types`'
                         )
                     if entry.name.startswith('.'):
                         continue
                     if entry.is_dir(follow_symlinks=False):
-                        waiting.append(Path(entry.path))
+                        pending.append(Path(entry.path))
                     elif entry.name.endswith('.msg'):
                         yield Path(entry.path)
-        except OSError:  # one may not look into it
+        except OSError:  # the user has no permission to list the folder
             continue
 
 
-def _parts(definition: MessageDefinition) -> list[str]:
-    """Return the texts of a definition; IDL has one for each type."""
+def _definition_texts(definition: MessageDefinition) -> list[str]:
+    """Return the texts of a definition; IDL has a text for each type."""
     text = definition.data
     if definition.format == MessageDefinitionFormat.MSG or not text.startswith(f'{_IDL_SEPARATOR}IDL: '):
         return [text]
     return [part.partition('\n')[2] for part in text.split(_IDL_SEPARATOR)[1:]]
 
 
-def _add(types: Typestore, parsed: Typesdict) -> None:
-    """Add definitions to a store. Its own method would compile a class of each, which nobody needs to read messages."""
+def _add_definitions(types: Typestore, parsed: Typesdict) -> None:
+    """Add definitions to a store, without the classes that `Typestore.register` would compile."""
     for name, (_, fields) in parsed.items():
         if len({field for field, _ in fields}) < len(fields):
             raise InputError(f'is not a message definition: {name} has two fields of one name')
@@ -291,32 +292,33 @@ def _add(types: Typestore, parsed: Typesdict) -> None:
 
 
 def _fields(parsed: Typesdict) -> dict[str, list[tuple[str, FieldDesc]]]:
-    """Return the fields of messages; one without any has a byte in its place."""
-    nothing: list[tuple[str, FieldDesc]] = [(PLACEHOLDER, (Nodetype.BASE, ('uint8', 0)))]
-    return {name: list(fields) or nothing for name, (_, fields) in parsed.items()}
+    """Return the fields of each message; a message without fields gets a placeholder byte."""
+    placeholder: list[tuple[str, FieldDesc]] = [(PLACEHOLDER, (Nodetype.BASE, ('uint8', 0)))]
+    return {name: list(fields) or placeholder for name, (_, fields) in parsed.items()}
 
 
-def _needed(types: Typestore, msgtype: str) -> dict[str, Any]:
-    """Return the fields of a message and of all inside it, by type; None of one that is not defined."""
-    needed: dict[str, Any] = {}
-    waiting = [msgtype]
-    while waiting:
-        name = waiting.pop()
-        if name not in needed:
-            needed[name] = types.fielddefs[name][1] if name in types.fielddefs else None
-            waiting += [inside for _, desc in needed[name] or () if (inside := _message_in(desc)) is not None]
-    return needed
+def _fields_by_type(types: Typestore, msgtype: str) -> dict[str, Any]:
+    """Return the fields of a message and of all messages inside it, by type; None for an undefined type."""
+    fields_by_type: dict[str, Any] = {}
+    pending = [msgtype]
+    while pending:
+        name = pending.pop()
+        if name not in fields_by_type:
+            fields_by_type[name] = types.fielddefs[name][1] if name in types.fielddefs else None
+            fields = fields_by_type[name] or ()
+            pending += [inner for _, desc in fields if (inner := _message_in(desc)) is not None]
+    return fields_by_type
 
 
-def _unfolded(types: Typestore, msgtype: str, sizes: dict[str, int]) -> int:
-    """Return how many fields a message has, those of messages inside it counted each time that they are there."""
+def _count_fields(types: Typestore, msgtype: str, sizes: dict[str, int]) -> int:
+    """Return the number of fields of a message; fields of messages inside it count at each occurrence."""
     if msgtype not in sizes:
-        sizes[msgtype] = MOST_FIELDS + 1  # while it is counted: what holds itself has no end
+        sizes[msgtype] = MOST_FIELDS + 1  # during the count: a message that contains itself has no end
         count = 0
         for _, desc in types.fielddefs[msgtype][1]:
-            inside = _message_in(desc)
+            inner = _message_in(desc)
             length = desc[1][1] if desc[0] == Nodetype.ARRAY and not _is_list_of_numbers(desc) else 1
-            count += length * (1 if inside is None else _unfolded(types, inside, sizes))
+            count += length * (1 if inner is None else _count_fields(types, inner, sizes))
         sizes[msgtype] = min(count, MOST_FIELDS + 1)
     return sizes[msgtype]
 
@@ -327,6 +329,6 @@ def _is_list_of_numbers(desc: FieldDesc) -> bool:
 
 
 def _message_in(desc: FieldDesc) -> str | None:
-    """Return the type of the message that a field is, or of those that it lists."""
+    """Return the message type of a field or of its entries; None for numbers and texts."""
     element = desc[1][0] if desc[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else desc
     return element[1] if element[0] == Nodetype.NAME else None

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Field paths: which number of a message is meant.
+Field paths, which select a number of a message.
 
-A path is names with dots between, an array's entry in brackets: ``wrench.force.x``, ``data[3]``,
-``sensors[1].pressure``. Where a message keeps names beside its arrays, as JointState does in ``name``, an entry may be
-given by its name: ``position[piston]``.
+A path is a sequence of names separated by dots, with an array's entry in brackets: ``wrench.force.x``, ``data[3]``,
+``sensors[1].pressure``. If a message has names for its array entries, as JointState has in ``name``, the path may
+give an entry by its name: ``position[piston]``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.messages.types import HEADER, TIME
 
 NAMES = 'name'
-"""Field that holds the names of the entries of the arrays beside it."""
+"""Field with the names of the entries of the arrays in the same message."""
 
 NUMBERS = {
     'bool': 'u1',
@@ -39,7 +39,7 @@ NUMBERS = {
     'float32': 'f4',
     'float64': 'f8',
 }
-"""NumPy's names of the number types of messages, without the byte order."""
+"""NumPy's name of each number type of messages, without the byte order."""
 
 _STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<index>[^\[\]]+)\])?')
 _NUMBER = re.compile(r'[0-9]{1,9}')
@@ -48,13 +48,13 @@ _MAX_LISTED = 30
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a path: a field, and the entry if it is an array."""
+    """A step of a path: a field, and the entry if the field is an array."""
 
     name: str
     index: int | str | None = None
 
     def __str__(self) -> str:
-        """Return the step as it is written."""
+        """Return the step as text."""
         return self.name if self.index is None else f'{self.name}[{self.index}]'
 
 
@@ -65,23 +65,23 @@ class FieldPath:
     steps: tuple[Step, ...]
 
     def __str__(self) -> str:
-        """Return the path as it is written."""
+        """Return the path as text."""
         return '.'.join(map(str, self.steps))
 
     @property
     def field(self) -> str:
-        """The names on the way, without entries."""
+        """The names of the path, without array entries."""
         return '.'.join(step.name for step in self.steps)
 
 
 def parse_path(text: str) -> FieldPath:
     """
-    Return the path that a text describes.
+    Parse the text of a field path.
 
     Raises
     ------
     InputError
-        If it isn't one.
+        If the text is not a field path.
 
     """
     steps = []
@@ -111,21 +111,21 @@ def check_number(types: Typestore, msgtype: str, path: FieldPath) -> None:
     Raises
     ------
     InputError
-        If it doesn't: the message lists the fields that there are, and quotes no other.
+        If the path does not lead to a number. The message lists the existing fields and does not quote the path.
 
     """
     kind, detail = _target(types, msgtype, path)
     if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-        raise InputError(f'field {path.field} of {msgtype} is an array: say which entry, as in {path.field}[0]')
+        raise InputError(f'field {path.field} of {msgtype} is an array: give an entry, such as {path.field}[0]')
     if kind == Nodetype.NAME:
         raise InputError(f'field {path.field} of {msgtype} is a message: {list_numbers(types, msgtype)}')
     if detail[0] not in NUMBERS:
-        what = f'is a {detail[0]}, not a number'
-        raise InputError(f'field {path.field} of {msgtype} {what}: {list_numbers(types, msgtype)}')
+        numbers = list_numbers(types, msgtype)
+        raise InputError(f'field {path.field} of {msgtype} is a {detail[0]}, not a number: {numbers}')
 
 
 def list_numbers(types: Typestore, msgtype: str) -> str:
-    """Return the numbers of a message type, for a message."""
+    """Return a sentence that lists the numbers of a message type."""
     numbers = list(islice(_numbers(types, msgtype), _MAX_LISTED + 1))
     listed = ', '.join(numbers[:_MAX_LISTED]) + (', ...' if len(numbers) > _MAX_LISTED else '')
     return f'its numbers are {listed}' if numbers else 'it has no numbers'
@@ -145,7 +145,7 @@ def _target(types: Typestore, msgtype: str, path: FieldPath) -> FieldDesc:
             raise InputError(f'field {step.name} of {msgtype} is not an array: {list_numbers(types, msgtype)}')
         element, length = target[1]
         if target[0] == Nodetype.ARRAY and isinstance(step.index, int) and step.index >= length:
-            raise InputError(f'the array {step.name} of {msgtype} has {length} entries, the first is {step.name}[0]')
+            raise InputError(f'the array {step.name} of {msgtype} has {length} entries: the first is {step.name}[0]')
         if isinstance(step.index, str) and not _is_list_of_names(fields.get(NAMES)):
             raise InputError(f'the entries of {step.name} in {msgtype} have no names: give a number, {step.name}[0]')
         target = element

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forms of serialised messages: with blanks for the stamp and one number, filled one by one or many at once."""
+"""Forms of serialised messages: templates with blanks for the stamp and a number."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from cfd_pneumatic.messages.layout import Layout, Place, Serialization
 from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field, types_with
 
 SECOND, NANOSECOND = parse_path('header.stamp.sec'), parse_path('header.stamp.nanosec')
-"""Where a header's stamp is."""
+"""Paths of a header's stamp."""
 
 _STAMP = struct.Struct('<iI')
 
 
 class Form:
     """
-    A message of a standard type with one number, and with a stamp where the type has a header.
+    Template of a serialised message of a standard type: blanks for a number and, if the type has a header, a stamp.
 
-    Making a message and serialising it takes longer than the model's step; filling in two blanks does not.
+    Filling the blanks is fast. Serialising a new message takes longer than a step of the model.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Form:
     joint : str
         Name of the joint in a JointState.
     axis : str
-        Of a WrenchStamped, along which the number is.
+        Axis of the force in a WrenchStamped.
     frame_id : str
-        In the header.
+        Frame in the header.
 
     """
 
@@ -57,8 +57,8 @@ class Form:
         field = obvious_field(msgtype, joint='0', force_axis=axis)
         assert field is not None
         places = {'number': _place(layout, parse_path(field))}
-        self._stamped = hasattr(message, 'header')
-        if self._stamped:
+        self._has_stamp = hasattr(message, 'header')
+        if self._has_stamp:
             places |= {'sec': _place(layout, SECOND), 'nanosec': _place(layout, NANOSECOND)}
         self._blanks = np.dtype(
             {
@@ -68,23 +68,23 @@ class Form:
                 'itemsize': len(self.payload),
             }
         )
-        self._one = bytearray(self.payload)
-        self._stamp_at = places['sec'].offset if self._stamped else 0
+        self._buffer = bytearray(self.payload)
+        self._stamp_at = places['sec'].offset if self._has_stamp else 0
         self._number, self._number_at = struct.Struct(np.dtype(places['number'].dtype).char), places['number'].offset
 
     def filled(self, stamp: int, number: float) -> bytes:
-        """Return one message with a stamp [ns] and a number."""
-        if self._stamped:
-            _STAMP.pack_into(self._one, self._stamp_at, *divmod(stamp, NANOSECONDS))
-        self._number.pack_into(self._one, self._number_at, number)
-        return bytes(self._one)
+        """Return a message with a stamp [ns] and a number."""
+        if self._has_stamp:
+            _STAMP.pack_into(self._buffer, self._stamp_at, *divmod(stamp, NANOSECONDS))
+        self._number.pack_into(self._buffer, self._number_at, number)
+        return bytes(self._buffer)
 
     def block(self, times: NDArray[np.int64], numbers: Array) -> MessageBlock:
-        """Return messages, shape (n,), stamped with and received at times [ns]."""
+        """Return messages with numbers, shape (n,), which are stamped and received at times [ns], shape (n,)."""
         rows = np.full(times.size, np.void(self.payload))
         blanks = rows.view(self._blanks)
         blanks['number'] = numbers
-        if self._stamped:
+        if self._has_stamp:
             blanks['sec'], blanks['nanosec'] = np.divmod(times, NANOSECONDS)
         size = len(self.payload)
         return MessageBlock(times, rows.tobytes(), size * np.arange(times.size), np.full(times.size, size))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Where the fields of a serialised message are.
+Places of the fields in a serialised message.
 
-The messages of a topic mostly have the same layout, so that one look at the first tells where to find a number in all
-of them. The layout follows from the message's definition and from the lengths of the strings and sequences in the
-payload: two payloads of equal size with equal lengths are laid out alike.
+The messages of a topic mostly have the same layout: the first message determines the place of a number in all
+messages. The layout follows from the message's definition and from the lengths of the strings and sequences in the
+payload. Two payloads of equal size with equal lengths have the same layout.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from cfd_pneumatic.messages.blocks import MessageBlock, gather
 from cfd_pneumatic.messages.fields import NAMES, NUMBERS, FieldPath
 
 PLACEHOLDER = 'structure_needs_at_least_one_member'
-"""The byte that stands for an empty message in CDR."""
+"""Field for the byte that replaces an empty message in CDR."""
 
 
 class Serialization(Enum):
-    """How a bag's messages are serialised."""
+    """Serialisation of a bag's messages."""
 
-    CDR = 'ROS 2: numbers aligned to their size, after four bytes that say the byte order'
+    CDR = 'ROS 2: numbers aligned to their size, after four bytes with the byte order'
     ROS1 = 'ROS 1: packed, little endian'
 
 
@@ -37,7 +37,7 @@ class LayoutError(Exception):
 
 
 _FEW = 4
-"""Messages of which one is looked at after the other: with thousands of names each step costs more for all at once."""
+"""Number of messages that are compared singly: with thousands of names, array operations cost more per message."""
 
 
 @dataclass(frozen=True)
@@ -54,23 +54,23 @@ class Place:
 
 class Layout:
     """
-    Layout of a payload, and of all that are laid out alike.
+    Layout of a payload and of all payloads with the same lengths.
 
     Parameters
     ----------
     payload : bytes
         A serialised message.
     types : Typestore
-        Definitions of its type and of those in it.
+        Definitions of the message's type and of the types inside it.
     msgtype : str
-        Its type.
+        Type of the message.
     serialization : Serialization
-        How it is serialised.
+        Serialisation of the message.
 
     Raises
     ------
     LayoutError
-        If the payload can't be a message of this type.
+        If the payload cannot be a message of this type.
 
     """
 
@@ -83,17 +83,17 @@ class Layout:
         self._position = 0
         self._arrays: dict[str, tuple[Place, int]] = {}
         self._texts: dict[str, slice] = {}
-        self._deciding: list[slice] = []
+        self._decisive: list[slice] = []
         if self._aligned:
             self._walk_encapsulation()
         self._origin = self._position
         self._padding = 3 if self._aligned else 0
         self._walk_message(msgtype, '')
         if not 0 <= self.size - self._position <= self._padding:
-            raise LayoutError(f'has {self.size} bytes where its definition wants {self._position}')
+            raise LayoutError(f'has {self.size} bytes, but its definition requires {self._position}')
 
     def place(self, path: FieldPath) -> Place | None:
-        """Return where the number of a path is; None where the payload has no such entry."""
+        """Return the place of a path's number; None if the payload has no such entry."""
         parent, array, entry = '', '', 0
         for step in path.steps:
             index = step.index
@@ -109,40 +109,40 @@ class Layout:
         return Place(first.offset + entry * np.dtype(first.dtype).itemsize, first.dtype) if entry < count else None
 
     def names(self, parent: str = '') -> list[str]:
-        """Return the names of the entries of the arrays in a message."""
+        """Return the names of the array entries of a message."""
         names: list[str] = []
         while (span := self._texts.get(f'{parent}{NAMES}[{len(names)}]')) is not None:
             names.append(self._payload[span].rstrip(b'\0').decode(errors='replace'))
         return names
 
     def fits(self, payload: bytes) -> bool:
-        """Return whether a payload is laid out alike."""
-        return len(payload) == self.size and all(payload[span] == self._payload[span] for span in self._deciding)
+        """Return whether a payload has this layout."""
+        return len(payload) == self.size and all(payload[span] == self._payload[span] for span in self._decisive)
 
-    def alike(self, block: MessageBlock) -> NDArray[np.bool_]:
-        """Return which messages are laid out alike: their size, all lengths and the names of the entries agree."""
-        alike: NDArray[np.bool_] = block.sizes == self.size
-        for span in self._deciding:
-            which = np.flatnonzero(alike)
-            if which.size <= _FEW:
-                alike[which] = [self.fits(block.payload(one)) for one in which.tolist()]
+    def fitting(self, block: MessageBlock) -> NDArray[np.bool_]:
+        """Return which messages have this layout: equal size, equal lengths, equal names of array entries."""
+        fitting: NDArray[np.bool_] = block.sizes == self.size
+        for span in self._decisive:
+            indices = np.flatnonzero(fitting)
+            if indices.size <= _FEW:
+                fitting[indices] = [self.fits(block.payload(index)) for index in indices.tolist()]
                 break
-            texts = gather(block.data, f'V{span.stop - span.start}', block.starts[which] + span.start)
-            alike[which] = texts == np.void(self._payload[span])
-        return alike
+            texts = gather(block.data, f'V{span.stop - span.start}', block.starts[indices] + span.start)
+            fitting[indices] = texts == np.void(self._payload[span])
+        return fitting
 
-    def _decide(self, start: int, stop: int) -> None:
-        """Count bytes among those that must agree."""
-        if self._deciding and self._deciding[-1].stop == start:
-            start = self._deciding.pop().start
-        self._deciding.append(slice(start, stop))
+    def _add_decisive(self, start: int, stop: int) -> None:
+        """Add a span of bytes that are equal in all payloads of this layout."""
+        if self._decisive and self._decisive[-1].stop == start:
+            start = self._decisive.pop().start
+        self._decisive.append(slice(start, stop))
 
     def _walk_encapsulation(self) -> None:
-        kind = self._payload[:2]
-        if len(self._payload) < 4 or kind not in (b'\0\0', b'\0\1'):
-            raise LayoutError(f'begins with {kind.hex()}, which is not plain CDR')
-        self._order = '<' if kind[1] else '>'
-        self._decide(0, 4)
+        encapsulation = self._payload[:2]
+        if len(self._payload) < 4 or encapsulation not in (b'\0\0', b'\0\1'):
+            raise LayoutError(f'begins with {encapsulation.hex()}, which is not plain CDR')
+        self._order = '<' if encapsulation[1] else '>'
+        self._add_decisive(0, 4)
         self._position = 4
 
     def _walk_message(self, msgtype: str, prefix: str) -> None:
@@ -176,7 +176,7 @@ class Layout:
         if count:
             self._align(dtype.itemsize)
         elif self._aligned:
-            self._padding += dtype.itemsize  # rmw_serialize leaves room for aligning nothing
+            self._padding += dtype.itemsize  # rmw_serialize pads also before an empty sequence
         self._arrays[path] = (Place(self._position, dtype.str), count)
         self._position += count * dtype.itemsize
 
@@ -185,7 +185,7 @@ class Layout:
         text = slice(self._position, self._position + length)
         self._texts[path] = text
         if length and path.rpartition('.')[2].startswith(f'{NAMES}['):
-            self._decide(text.start, text.stop)
+            self._add_decisive(text.start, text.stop)
         self._position = text.stop
 
     def _walk_length(self) -> int:
@@ -193,7 +193,7 @@ class Layout:
         word = slice(self._position, self._position + 4)
         if word.stop > self.size:
             raise LayoutError(f'ends after {self.size} bytes, inside a message')
-        self._decide(word.start, word.stop)
+        self._add_decisive(word.start, word.stop)
         self._position = word.stop
         length = int.from_bytes(self._payload[word], 'little' if self._order == '<' else 'big')
         if length > self.size:

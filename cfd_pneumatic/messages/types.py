@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message types that ROS 2 ships, and which number each is about."""
+"""Message types that ROS 2 ships, and the main number of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FLOAT32 = 'std_msgs/msg/Float32'
 HEADER = 'std_msgs/msg/Header'
 TIME = 'builtin_interfaces/msg/Time'
 
-# what this package reads and writes, defined as ROS 2 ships it
+# definitions of ROS 2 for the types that this package reads and writes
 _EVERYDAY = {
     JOINT_STATE: 'std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort',
     FLUID_PRESSURE: 'std_msgs/Header header\nfloat64 fluid_pressure\nfloat64 variance',
@@ -33,7 +33,7 @@ NANOSECONDS = 1_000_000_000
 
 
 def obvious_field(msgtype: str, *, joint: str, force_axis: str) -> str | None:
-    """Return the path of the number that a message of a standard type is about, None for other types."""
+    """Return the path of the main number of a standard message type; None for other types."""
     return {
         JOINT_STATE: f'position[{joint}]',
         FLUID_PRESSURE: 'fluid_pressure',
@@ -51,7 +51,7 @@ def standard_types() -> Typestore:
 
 
 def types_with(msgtype: str) -> Typestore:
-    """Return types that ROS 2 ships, one among them; to load the everyday ones alone takes a tenth of the time."""
+    """Return types that ROS 2 ships, including `msgtype`; loading the everyday types takes a tenth of the time."""
     return _everyday_types() if msgtype in _EVERYDAY else standard_types()
 
 
@@ -59,6 +59,10 @@ def types_with(msgtype: str) -> Typestore:
 def _everyday_types() -> Typestore:
     types = get_typestore(Stores.EMPTY)
     types.register(
-        {name: fields for one, text in _EVERYDAY.items() for name, fields in get_types_from_msg(text, one).items()}
+        {
+            name: fields
+            for msgtype, text in _EVERYDAY.items()
+            for name, fields in get_types_from_msg(text, msgtype).items()
+        }
     )
     return types

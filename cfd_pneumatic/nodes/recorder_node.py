@@ -141,7 +141,7 @@ class RecorderNode(BoundedNode):
         if self._failure is not None:
             return
         try:
-            self._bag.write(topic, MessageBlock.of([self.get_clock().now().nanoseconds], [payload]))
+            self._bag.write(topic, MessageBlock.from_payloads([self.get_clock().now().nanoseconds], [payload]))
             self._written += 1
         except InputError as error:
             self._fail(error)
@@ -149,7 +149,7 @@ class RecorderNode(BoundedNode):
     def _check_folder(self) -> None:
         """Warn if the folder of the bag was moved; end if the bag can no longer be written."""
         try:
-            if self._bag.follow():
+            if self._bag.relocate():
                 self.get_logger().warning(
                     f'the folder of the bag was moved: the recording goes on, and the bag will be {self._bag.path}. '
                     'The node will end with exit code 2, because the bag is not at the given path.'
@@ -175,7 +175,7 @@ class RecorderNode(BoundedNode):
                 raise self._failure
             self._bag.close()
         except InputError as error:
-            self._bag.leave()
+            self._bag.keep_incomplete()
             raise InputError(f'{error}; the messages before the error are in {self._bag.path}') from error
         lost = f', {self._lost} were lost' if self._lost else ''
         self.get_logger().info(f'{self._written} messages in {self._bag.path}{lost}')

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Recordings: bags and tables to arrays in SI units, and back.
+Read bags and tables into arrays in SI units, and write recordings as bags.
 
-`read_recording` returns a `Recording`, whose signals are each on their own times; `write_recording` makes a bag of one.
-`sampled` and `recording_of` make a `Recording` of arrays. A `ChannelMapping`, read by `read_mapping`, says where a bag
-or a table of another make keeps the signals. `BagWriter` writes a bag block by block.
+`read_recording` returns a `Recording`; each of its signals has separate sample times. `write_recording` writes a
+recording as a bag. `sampled` and `recording_of` make a `Recording` of arrays. `read_mapping` reads a `ChannelMapping`,
+which describes the signals of a bag or table with other names. `BagWriter` writes a bag block by block.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Making signals of samples as they come: out of order, twice, with gaps, not a number.
+Clean raw samples: sort them, and drop repeated times and values that are not finite.
 
-All of it happens in place and part by part, so that it takes no memory beside the samples.
+The functions work in place and part by part, so that they need no memory in addition to the samples.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from cfd_pneumatic.recording.memory_maps import parts
 from cfd_pneumatic.recording.message_texts import count_of
 
 MAX_DISORDER = 1.0
-"""Time [s] by which a sample may come late; more means that the clock was set back."""
+"""Largest delay of a sample behind later samples [s]; a larger delay means that the clock was set back."""
 
 GAP = 5.0
-"""An interval of so many usual ones is a gap."""
+"""Shortest gap, as a multiple of the usual interval."""
 
 JITTER = 0.5
-"""Spread of the intervals, as a part of the usual one, from which on it is mentioned."""
+"""Spread of the intervals, as a part of the usual interval, above which a note reports the spread."""
 
 _RESOLUTION = 10_000
-"""Steps into which the mean interval is divided to tell the usual one."""
+"""Number of histogram bins per mean interval."""
 
 _LONGEST = 20
-"""Mean intervals that no more than a twentieth of all can exceed."""
+"""Length of the histogram in mean intervals; at most a twentieth of all intervals can be longer."""
 
 
 @dataclass(frozen=True)
 class Cleaned:
     """
-    Samples in order.
+    Samples in order of time.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Cleaned:
     values : (n,) array
         Finite values.
     notes : tuple of str
-        What was amiss.
+        Defects of the raw samples.
 
     """
 
@@ -59,7 +59,7 @@ class Cleaned:
 
 def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = False) -> Cleaned:
     """
-    Return samples sorted, each time once, finite; they are moved within the arrays that are given.
+    Return finite samples at strictly increasing times; the function modifies the arrays.
 
     Parameters
     ----------
@@ -70,22 +70,22 @@ def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = Fa
     name : str
         Name of the signal, for messages.
     held : bool
-        Whether a value holds until the next, as a set-point does: of several at one time the last counts instead of the
-        first, and intervals may differ.
+        Whether a value holds until the next, as a set-point does. Then the last of several values at a time counts
+        instead of the first, and intervals may differ.
 
     Raises
     ------
     InputError
-        If no finite sample is there, or time goes back by more than `MAX_DISORDER`.
+        If there is no finite sample, or time goes back by more than `MAX_DISORDER`.
 
     """
     notes = []
-    given = len(times)
+    count = len(times)
     times, values = keep(times, values, lambda part: np.isfinite(values[part]))
     if not len(times):
         raise InputError(f'{name} holds no finite number')
-    if len(times) < given:
-        notes.append(f'{name}: dropped {count_of(given - len(times), "sample")} not finite')
+    if len(times) < count:
+        notes.append(f'{name}: dropped {count_of(count - len(times), "sample")} not finite')
 
     late = _count_late(times, name)
     if late:
@@ -104,81 +104,81 @@ def clean(times: NDArray[np.int64], values: Array, name: str, *, held: bool = Fa
 
 
 def share_at_shared_times(times: NDArray[np.int64], values: Array) -> float:
-    """Return which share of the samples has the time of the sample before, and another value."""
+    """Return the share of samples with the time of the previous sample and another value."""
     shared = sum(int(np.count_nonzero(~_begins(times, part) & _begins(values, part))) for part in parts(times, values))
     return shared / max(1, len(times))
 
 
 def at_changes(cleaned: Cleaned) -> Cleaned:
-    """Return the samples that begin a new value, the first included; they are moved within their arrays."""
+    """Return the first sample of each run of equal values; the function modifies the arrays."""
     times, values = keep(cleaned.times, cleaned.values, lambda part: _begins(cleaned.values, part))
     if len(times) < len(cleaned.times) / 2:
-        times, values = times.copy(), values.copy()  # or the rest would stay in memory
+        times, values = times.copy(), values.copy()  # releases the memory of the dropped samples
     return Cleaned(times, values, cleaned.notes)
 
 
 def keep(
     times: NDArray[np.int64], values: Array, wanted: Callable[[slice], NDArray[np.bool_]]
 ) -> tuple[NDArray[np.int64], Array]:
-    """Move the samples of which a function of a part says that they are wanted to the front, and return them."""
+    """Move the wanted samples to the front of the arrays and return them; `wanted` selects the samples of a part."""
     end = 0
     for part in parts(times, values):
-        which = wanted(part)
-        count = int(np.count_nonzero(which))
-        if end < part.start or count < len(which):
-            times[end : end + count] = times[part][which]
-            values[end : end + count] = values[part][which]
+        is_wanted = wanted(part)
+        count = int(np.count_nonzero(is_wanted))
+        if end < part.start or count < len(is_wanted):
+            times[end : end + count] = times[part][is_wanted]
+            values[end : end + count] = values[part][is_wanted]
         end += count
     return times[:end], values[:end]
 
 
 def _begins(numbers: NDArray[Any], part: slice) -> NDArray[np.bool_]:
-    """Return which numbers of a part differ from the one before."""
+    """Return which numbers of a part differ from the previous number."""
     before = numbers[max(part.start - 1, 0) : part.stop]
     differ: NDArray[np.bool_] = before[1:] != before[:-1]
     return differ if part.start else np.append(True, differ)
 
 
 def _ends(numbers: NDArray[Any], part: slice) -> NDArray[np.bool_]:
-    """Return which numbers of a part differ from the one after."""
+    """Return which numbers of a part differ from the next number."""
     after = numbers[part.start : part.stop + 1]
     differ: NDArray[np.bool_] = after[1:] != after[:-1]
     return differ if part.stop < len(numbers) else np.append(differ, True)
 
 
 def _count_late(times: NDArray[np.int64], name: str) -> int:
-    """Return how many samples come after a later one."""
-    late = worst = where = 0
+    """Return the number of samples that come after a sample with a later time."""
+    late = worst = worst_index = 0
     latest = times[0]
     for part in parts(times):
         behind = np.maximum(np.maximum.accumulate(times[part]), latest) - times[part]
         late += int(np.count_nonzero(behind))
         if behind.max() > worst:
-            worst, where = int(behind.max()), part.start + int(np.argmax(behind))
+            worst, worst_index = int(behind.max()), part.start + int(np.argmax(behind))
         latest = max(latest, times[part].max())
     if worst > MAX_DISORDER * NANOSECONDS and late == len(times) - 1 and late > 1:
         raise InputError(f'{name}: time runs backwards from the first sample to the last: turn the rows round')
     if worst > MAX_DISORDER * NANOSECONDS:
         raise InputError(
-            f'{name}: time goes back by {worst / NANOSECONDS:.3f} s at sample {where + 1:,}: '
+            f'{name}: time goes back by {worst / NANOSECONDS:.3f} s at sample {worst_index + 1:,}: '
             'the clock was set back or two recordings are in one; split it there'
         )
     return late
 
 
 def _sort(times: NDArray[np.int64], values: Array) -> None:
-    """Sort by time; samples of equal times stay as they are."""
+    """Sort samples by time; samples of equal times keep their order."""
     limits = earliest_after([int(times[part].min()) for part in parts(times)])
     waiting_times, waiting_values = times[:0], values[:0]
     end = 0
     for part, limit in zip(parts(times, values), limits):
-        some_times = np.concatenate([waiting_times, times[part]])
-        some_values = np.concatenate([waiting_values, values[part]])
-        order = np.argsort(some_times, kind='stable')
-        some_times, some_values = some_times[order], some_values[order]
-        ready = int(np.searchsorted(some_times, limit, side='right'))
-        times[end : end + ready], values[end : end + ready] = some_times[:ready], some_values[:ready]
-        waiting_times, waiting_values = some_times[ready:], some_values[ready:]
+        merged_times = np.concatenate([waiting_times, times[part]])
+        merged_values = np.concatenate([waiting_values, values[part]])
+        order = np.argsort(merged_times, kind='stable')
+        merged_times, merged_values = merged_times[order], merged_values[order]
+        ready = int(np.searchsorted(merged_times, limit, side='right'))
+        times[end : end + ready], values[end : end + ready] = merged_times[:ready], merged_values[:ready]
+        waiting_times, waiting_values = merged_times[ready:], merged_values[ready:]
         end += ready
 
 
@@ -205,7 +205,7 @@ def _intervals(times: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
 
 
 def quantiles_of_intervals(times: NDArray[np.int64], fractions: Sequence[float]) -> list[float]:
-    """Return quantiles, up to 0.95, of the times between samples [ns], to a part in `_RESOLUTION` of the mean."""
+    """Return quantiles, up to 0.95, of the intervals [ns], with a resolution of the mean / `_RESOLUTION`."""
     count = len(times) - 1
     mean = int(times[-1] - times[0]) / count
     width = max(1, int(mean / _RESOLUTION))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of the user's own arrays: checked, and cleaned as those of files are."""
+"""Check and clean a user's arrays for a recording, in the same way as files."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from cfd_pneumatic.recording.signals import CylinderSignals, Signal
 _LATEST = 2**62  # [ns]
 
 _COARSEST = 0.5
-"""Resolution of times in intervals between samples above which their type cannot hold them."""
+"""Coarsest accepted resolution of the type of times, in intervals between samples."""
 
 
 class ArraySignals(NamedTuple):
-    """The signals of arrays, and what was amiss; of a piston at rest the displacement is zero."""
+    """Signals of arrays, with notes on defects; the displacement of a piston at rest is zero."""
 
     epoch: int
     displacement: Signal
@@ -45,13 +45,13 @@ def signals_from_arrays(
     force: ArrayLike | None,
     name: str,
 ) -> ArraySignals:
-    """Return the signals of arrays, checked and cleaned, as `Recording.from_arrays` takes them."""
-    for what, given in (('pressures', pressures), ('setpoints', setpoints)):
-        check_type(what, given, Mapping, f'a dictionary such as {what}={{"cylinder_a": ...}}')
+    """Return checked and cleaned signals of arrays; see `Recording.from_arrays`."""
+    for argument, mapping in (('pressures', pressures), ('setpoints', setpoints)):
+        check_type(argument, mapping, Mapping, f'a dictionary such as {argument}={{"cylinder_a": ...}}')
     check_type('name', name, str, 'a text')
     stamps = _stamps(times)
     if not pressures:
-        raise InputError('no pressure is given: give pressures={"cylinder_a": ...} or cylinder_b, or both [Pa]')
+        raise InputError('no pressure: give pressures={"cylinder_a": ...} or cylinder_b, or both [Pa]')
     for cylinder in {**pressures, **setpoints}:
         if cylinder not in CYLINDERS:
             raise InputError(f'{cylinder!r} is no cylinder: the cylinders are {" and ".join(CYLINDERS)}')
@@ -67,66 +67,71 @@ def signals_from_arrays(
     def cleaned(values: ArrayLike, role: str, name: str) -> Cleaned:
         numbers = _values(values, name, stamps.size, held=False)
         shared.append(share_at_shared_times(stamps, numbers))
-        found = screened(clean(stamps.copy(), numbers, name), role, name)
-        notes.extend(found.notes)
-        return found
+        samples = screened(clean(stamps.copy(), numbers, name), role, name)
+        notes.extend(samples.notes)
+        return samples
 
     def held(values: ArrayLike, name: str) -> Cleaned:
-        found = clean(stamps.copy(), _values(values, name, stamps.size, held=True), name, held=True)
-        notes.extend(found.notes)
-        return at_changes(found)
+        samples = clean(stamps.copy(), _values(values, name, stamps.size, held=True), name, held=True)
+        notes.extend(samples.notes)
+        return at_changes(samples)
 
-    moved = None if displacement is None else cleaned(displacement, 'displacement', 'displacement')
-    measured = {one: cleaned(values, 'pressure', f'{one} pressure') for one, values in pressures.items()}
-    commanded = {one: held(values, f'{one} setpoint') for one, values in setpoints.items()}
-    felt = None if force is None else cleaned(force, 'force', 'force')
-    epoch = min(int(one.times[0]) for one in (moved, *measured.values(), felt) if one is not None)
+    clean_displacement = None if displacement is None else cleaned(displacement, 'displacement', 'displacement')
+    clean_pressures = {
+        cylinder: cleaned(values, 'pressure', f'{cylinder} pressure') for cylinder, values in pressures.items()
+    }
+    clean_setpoints = {cylinder: held(values, f'{cylinder} setpoint') for cylinder, values in setpoints.items()}
+    clean_force = None if force is None else cleaned(force, 'force', 'force')
+    sampled = (clean_displacement, *clean_pressures.values(), clean_force)
+    epoch = min(int(samples.times[0]) for samples in sampled if samples is not None)
 
-    def signal(one: Cleaned) -> Signal:
-        return Signal((one.times - epoch) / NANOSECONDS, one.values)
+    def signal(samples: Cleaned) -> Signal:
+        return Signal((samples.times - epoch) / NANOSECONDS, samples.values)
 
     cylinders = {
-        one: CylinderSignals(signal(found), signal(commanded[one]) if one in commanded else None)
-        for one, found in measured.items()
+        cylinder: CylinderSignals(
+            signal(samples), signal(clean_setpoints[cylinder]) if cylinder in clean_setpoints else None
+        )
+        for cylinder, samples in clean_pressures.items()
     }
     rest = Signal((stamps - epoch) / NANOSECONDS, np.zeros(stamps.size))
     return ArraySignals(
         epoch,
-        rest if moved is None else signal(moved),
+        rest if clean_displacement is None else signal(clean_displacement),
         cylinders,
-        None if felt is None else signal(felt),
+        None if clean_force is None else signal(clean_force),
         tuple(notes),
         max(shared),
     )
 
 
 def _stamps(times: ArrayLike) -> NDArray[np.int64]:
-    """Return times as stamps [ns]: seconds, dates or times since the beginning, of NumPy, pandas or Python."""
-    given = _array(times, 'times')
-    if given.ndim != 1 or given.size < 2:
-        raise InputError(f'times have the shape {given.shape}: give one time for each sample, two or more')
-    if given.dtype.kind in 'OSU':
-        given = _parsed(given)
-    if given.dtype.kind in 'mM':
-        if np.any(np.isnat(given)):
+    """Convert times to stamps [ns]: seconds, dates or durations of NumPy, pandas or Python."""
+    array = _array(times, 'times')
+    if array.ndim != 1 or array.size < 2:
+        raise InputError(f'times have the shape {array.shape}: give one time for each sample, two or more')
+    if array.dtype.kind in 'OSU':
+        array = _parsed(array)
+    if array.dtype.kind in 'mM':
+        if np.any(np.isnat(array)):
             raise InputError('a time is no date (NaT): leave these samples out')
-        if np.max(np.abs(given.astype(f'{given.dtype.kind}8[s]').astype(float))) * NANOSECONDS > _LATEST:
+        if np.max(np.abs(array.astype(f'{array.dtype.kind}8[s]').astype(float))) * NANOSECONDS > _LATEST:
             raise InputError('a date is far too late or too early: check the times')
-        return given.astype(f'{given.dtype.kind}8[ns]').astype(np.int64)
-    seconds = _numbers(given, 'times')
+        return array.astype(f'{array.dtype.kind}8[ns]').astype(np.int64)
+    seconds = _numbers(array, 'times')
     if not np.all(np.isfinite(seconds)) or np.max(np.abs(seconds)) * NANOSECONDS > _LATEST:
         raise InputError('a time is not finite, or far too large: give seconds, or dates')
-    if given.dtype.kind == 'f':
-        resolution = float(np.spacing(np.max(np.abs(given))))
+    if array.dtype.kind == 'f':
+        resolution = float(np.spacing(np.max(np.abs(array))))
         if resolution > _COARSEST * np.ptp(seconds) / (seconds.size - 1):
             raise InputError(
-                f'times are {given.dtype}, which holds them to {resolution:.3g} s only: give float64, or dates'
+                f'times are {array.dtype}, which holds them to {resolution:.3g} s only: give float64, or dates'
             )
     return np.rint(seconds * NANOSECONDS).astype(np.int64)
 
 
 def _parsed(texts: NDArray[Any]) -> NDArray[Any]:
-    """Return numbers, dates or durations of an array of texts or objects; dates without a zone are UTC."""
+    """Convert texts or objects to numbers, dates or durations; dates without a zone are UTC."""
     for kind in (float, 'datetime64[ns]', 'timedelta64[ns]'):
         with suppress(TypeError, ValueError), catch_warnings():
             simplefilter('ignore')  # NumPy warns of a zone, and converts the date to UTC
@@ -134,7 +139,7 @@ def _parsed(texts: NDArray[Any]) -> NDArray[Any]:
     raise InputError('times holds something that is no number: give seconds, or dates such as 2024-05-01T12:00:00.25')
 
 
-def _array(values: ArrayLike, what: str) -> NDArray[Any]:
+def _array(values: ArrayLike, signal_name: str) -> NDArray[Any]:
     """Return an array, with nan or NaT where values are masked."""
     try:
         array: Any = np.ma.asarray(values)
@@ -142,23 +147,23 @@ def _array(values: ArrayLike, what: str) -> NDArray[Any]:
             array = array.astype(float)  # integers have no nan
         filled: NDArray[Any] = array.filled('NaT' if array.dtype.kind in 'mM' else np.nan)
     except (TypeError, ValueError) as error:
-        raise InputError(f'{what} cannot be made an array: give one value for each time') from error
+        raise InputError(f'{signal_name} cannot be made an array: give one value for each time') from error
     return filled
 
 
-def _values(values: ArrayLike, what: str, size: int, *, held: bool) -> Array:
-    found = _numbers(_array(values, what), what)
-    if held and found.ndim == 0:
-        found = np.full(size, float(found))
-    if found.shape != (size,):
-        raise InputError(f'{what} has the shape {found.shape}: give one value for each of the {size} times')
-    return found.copy()
+def _values(values: ArrayLike, signal_name: str, size: int, *, held: bool) -> Array:
+    numbers = _numbers(_array(values, signal_name), signal_name)
+    if held and numbers.ndim == 0:
+        numbers = np.full(size, float(numbers))
+    if numbers.shape != (size,):
+        raise InputError(f'{signal_name} has the shape {numbers.shape}: give one value for each of the {size} times')
+    return numbers.copy()
 
 
-def _numbers(values: NDArray[Any], what: str) -> Array:
+def _numbers(values: NDArray[Any], signal_name: str) -> Array:
     if values.dtype.kind == 'c':
-        raise InputError(f'{what} is complex: give an array of real numbers in SI units')
+        raise InputError(f'{signal_name} is complex: give an array of real numbers in SI units')
     try:
         return values.astype(float)
     except (TypeError, ValueError) as error:
-        raise InputError(f'{what} holds something that is no number: give an array of numbers in SI units') from error
+        raise InputError(f'{signal_name} holds something that is no number: give numbers in SI units') from error

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of a logger that paused or repeated itself: what lies between two gaps is a recording of its own."""
+"""Split recordings at the gaps in which a logger paused or repeated its samples."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from cfd_pneumatic.recording.signals import Signal
 
 SHORTEST, LONGEST = 0.2, 0.5
 """
-Intervals that are no gap, and that are one in any case [s].
+Longest interval that is never a gap, and shortest interval that is always a gap [s].
 
-After 0.2 s the model has forgotten where the piston was. Between the two, 40 samples that are missing are a gap:
-measured runs at 100 Hz that lack 30 are simulated better in one piece, as each piece has an offset and a drift.
+After 0.2 s the model has forgotten the position of the piston. Between the limits, 40 missing samples are a gap:
+measured runs at 100 Hz that lack 30 are simulated better in one piece, since each piece has an offset and a drift.
 """
 
 _SOME, _MANY = 10.0, 40.0  # times the usual interval
 _SHORTEST_PIECE = 1.0  # shorter pieces are left out [s]
-_LEAPS = 5.0  # times the change from sample to sample that a hundredth exceed
+_LEAPS = 5.0  # times the 99 % quantile of the changes between samples
 
 
 def split_at_gaps(recording: Recording) -> list[Recording]:
     """
-    Return what lies between the gaps of a recording's displacement, each a recording of its own.
+    Split a recording at the gaps of its displacement into separate recordings.
 
-    A recording without gaps, or of a piston that rests, is itself. Pieces shorter than a second are left out. Samples
-    that a logger repeated in all signals at once count as a gap; of a force those in a gap of a pressure, too.
+    A recording without gaps, or of a piston at rest, stays whole. Pieces shorter than a second are left out. A time in
+    which a logger repeats the samples of all signals counts as a gap. Force samples in a gap of a pressure are dropped.
     """
     if recording.rests:
         return [recording]
@@ -42,7 +42,7 @@ def split_at_gaps(recording: Recording) -> list[Recording]:
     if not gaps.size:
         return [recording]
     begins, ends = [0, *(gaps + 1).tolist()], [*gaps.tolist(), len(times) - 1]
-    found = [
+    pieces = [
         replace(
             recording.between(float(times[begin]), float(np.nextafter(times[end], np.inf))),
             name=f'{recording.name} from {float(times[begin]):.4g} s' if begin else recording.name,
@@ -50,16 +50,16 @@ def split_at_gaps(recording: Recording) -> list[Recording]:
         for begin, end in zip(begins, ends)
         if times[end] - times[begin] >= _SHORTEST_PIECE
     ]
-    if not found:
+    if not pieces:
         return [recording]
     longest = float(np.max(intervals[gaps]))
-    what = f'{count_of(len(gaps), "gap")} of up to {longest:.3g} s'
-    note = f'{what}: the model starts anew behind each, and what lies between is a recording of its own'
-    return [replace(found[0], health=(*recording.health, note)), *(replace(one, health=()) for one in found[1:])]
+    gaps_text = f'{count_of(len(gaps), "gap")} of up to {longest:.3g} s'
+    note = f'{gaps_text}: the parts between the gaps are used as separate recordings'
+    return [replace(pieces[0], health=(*recording.health, note)), *(replace(piece, health=()) for piece in pieces[1:])]
 
 
 def _gaps_of(times: Array) -> NDArray[np.intp]:
-    """Return the indices of the samples behind which there is a gap."""
+    """Return the indices of the samples that are followed by a gap."""
     intervals = np.diff(times)
     if not intervals.size:
         return np.empty(0, np.intp)
@@ -68,7 +68,7 @@ def _gaps_of(times: Array) -> NDArray[np.intp]:
 
 
 def _without_repeated_rows(recording: Recording) -> Recording:
-    """Return a recording without the times in which all signals hold still at once, and one then leaps."""
+    """Return a recording without times in which all signals are constant and a signal leaps afterwards."""
     signals = [signal for role, _, signal in recording.signals() if role in ('displacement', 'pressure', 'force')]
     values, times = recording.displacement.values, recording.displacement.times
     begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))
@@ -77,7 +77,7 @@ def _without_repeated_rows(recording: Recording) -> Recording:
     repeated = [
         (float(begin), float(end))
         for begin, end in zip(times[begins[long]], times[ends[long]])
-        if all(_holds(signal, begin, end) for signal in signals)
+        if all(_is_constant(signal, begin, end) for signal in signals)
         and any(_leaps_behind(signal, end) for signal in signals)
     ]
     if not repeated:
@@ -86,7 +86,7 @@ def _without_repeated_rows(recording: Recording) -> Recording:
     return replace(_without(recording, repeated), health=(*recording.health, note))
 
 
-def _holds(signal: Signal, begin: float, end: float) -> bool:
+def _is_constant(signal: Signal, begin: float, end: float) -> bool:
     first, last = np.searchsorted(signal.times, [begin, end], side='right').tolist()
     return bool(last - first > 1 and np.ptp(signal.values[first:last]) == 0.0)
 
@@ -98,7 +98,7 @@ def _leaps_behind(signal: Signal, time: float) -> bool:
 
 
 def _without_force_in_gaps(recording: Recording) -> Recording:
-    """Return a recording whose force has no samples where a pressure paused: the force follows from the pressures."""
+    """Return a recording without force samples in gaps of a pressure: the force is computed from the pressures."""
     if recording.force is None:
         return recording
     gaps = [
@@ -111,14 +111,15 @@ def _without_force_in_gaps(recording: Recording) -> Recording:
 
 def _without(recording: Recording, spans: Sequence[tuple[float, float]]) -> Recording:
     cylinders = {
-        name: replace(one, pressure=_outside(one.pressure, spans)) for name, one in recording.cylinders.items()
+        name: replace(signals, pressure=_outside(signals.pressure, spans))
+        for name, signals in recording.cylinders.items()
     }
     force = None if recording.force is None else _outside(recording.force, spans)
     return replace(recording, displacement=_outside(recording.displacement, spans), cylinders=cylinders, force=force)
 
 
 def _outside(signal: Signal, spans: Sequence[tuple[float, float]]) -> Signal:
-    """Return the samples that lie in none of some spans of time; a span's begin is outside of it."""
+    """Return the samples outside of given spans of time; a span excludes its begin."""
     kept = np.ones(len(signal), bool)
     for begin, end in spans:
         first, last = np.searchsorted(signal.times, [begin, end], side='right').tolist()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Taking in the messages of one channel, a block at a time."""
+"""Collect the samples of a channel from blocks of messages."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from cfd_pneumatic.recording.message_texts import count_of, listed
 from cfd_pneumatic.recording.sources import SignalSource
 
 MOST_LAGS = 16_384
-"""Of a longer recording every second, fourth, ... lag is kept, so that no more than these are."""
+"""Largest number of lags in memory; of more lags only every second, fourth, ... is kept."""
 
 
 _MOST_NAMES = 20
-_STRAY = 1e15  # eleven days, by which a time of reception that cannot be differs from others [ns]
+_STRAY = 1e15  # eleven days: lag that only an impossible time of reception has [ns]
 _FEW = 0.1  # share of the messages
-_STRETCHES = 20  # of the lags, whose medians a line is laid through
+_STRETCHES = 20  # parts of the lags; a line is fitted through their medians
 
 
 @dataclass(frozen=True)
 class ReceptionClock:
     """
-    How the clock of reception lies to that of the stamps.
+    Relation of the clock of reception to the clock of the stamps.
 
     Attributes
     ----------
     lag : int
         Median time from stamp to reception [ns].
     begin : int
-        Time of reception from which the rate counts [ns].
+        Time of the first reception [ns].
     begins_with : float
-        Lag then, on the line through the lags [ns].
+        Lag at `begin` on the fitted line [ns].
     rate : float
-        By which the lag grows [-]: 0 where both clocks run alike.
+        Growth rate of the lag [-]: 0 for clocks of equal rates.
     drift : float
-        By which it grows over all messages [ns].
+        Growth of the lag over all messages [ns].
     scatter : float
-        Between the lags that a twentieth of all messages exceed and fall below, off the line [ns].
+        Range between the 5 % and 95 % quantiles of the lags about the line [ns].
 
     """
 
@@ -56,7 +56,7 @@ class ReceptionClock:
     scatter: float
 
     def lag_at(self, received: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the lags of messages by their times of reception [ns], which follow a line."""
+        """Return the lags on the fitted line at times of reception [ns]."""
         lags: NDArray[np.int64] = np.rint(self.begins_with + self.rate * (received - self.begin)).astype(np.int64)
         return lags
 
@@ -64,22 +64,22 @@ class ReceptionClock:
 @dataclass(frozen=True)
 class Content:
     """
-    What the messages of a channel hold.
+    Samples of a channel, with notes on defects.
 
     Attributes
     ----------
     channel : SignalSource
         The channel.
     times : (n,) array of int
-        The stamps [ns], or times of reception where there is none.
+        Stamps, or times of reception for messages without a stamp [ns].
     raw : (n,) array
         Numbers as recorded.
     unstamped : list of slice or array of int
-        Which samples have no stamp.
+        Indices of the samples without a stamp.
     clock : ReceptionClock or None
-        How the times of reception lie to the stamps, None without stamps.
+        Relation of the times of reception to the stamps; None without stamps.
     notes : tuple of str
-        What was amiss.
+        Defects of the messages.
 
     """
 
@@ -93,20 +93,20 @@ class Content:
 
 class Intake:
     """
-    Takes in the messages of a channel's topic.
+    Collector of a channel's samples.
 
     Parameters
     ----------
     channel : SignalSource
         The channel.
     decoder : Decoder
-        Finds the numbers in the messages.
+        Decoder of the messages.
     path : FieldPath
-        Where they are, for messages.
+        Path of the numbers, for errors and notes.
     count : int
-        Number of messages to come, so far as it is known.
+        Expected number of messages.
     folder : Path or None
-        Folder to keep the samples in; None for memory.
+        Folder for the samples; None for memory.
 
     """
 
@@ -128,7 +128,7 @@ class Intake:
         self._stamped = self._strays = 0
 
     def add(self, block: MessageBlock) -> None:
-        """Take in messages."""
+        """Add the samples of a block of messages."""
         if not len(block):
             return
         try:
@@ -136,8 +136,8 @@ class Intake:
             self._names = self._names or self._decoder.names(block.payload(0))
         except InputError as error:
             raise InputError(f'topic {self.channel.source}: {error}') from error
-        found = columns.found
-        received, stamps, values = block.times[found], columns.stamps[found], columns.values[found]
+        usable = columns.has_number
+        received, stamps, values = block.times[usable], columns.stamps[usable], columns.values[usable]
         stamped = stamps != 0
         self._missing += len(block) - len(values)
         self._lags.add((received - stamps)[stamped], received[stamped])
@@ -152,12 +152,12 @@ class Intake:
 
     def content(self) -> Content:
         """
-        Return what was taken in.
+        Return the collected samples.
 
         Raises
         ------
         InputError
-            If there were no messages, or none has the number.
+            If there were no messages, or no message has the number.
 
         """
         channel = self.channel
@@ -165,23 +165,24 @@ class Intake:
             if not self._missing:
                 raise InputError(f'topic {channel.source}, the {channel.name}, has no messages')
             names = listed(self._names, _MOST_NAMES).replace('“', '?').replace('”', '?')
-            there = f'; the names are “{names}”' if self._names else ''
-            raise InputError(f'no message on topic {channel.source} has {self._wanted}{there}')
+            alternatives = f'; the names are “{names}”' if self._names else ''
+            raise InputError(f'no message on topic {channel.source} has {self._wanted}{alternatives}')
         notes = []
         if self._missing:
             notes.append(f'{channel.name}: {count_of(self._missing, "message")} without {self._wanted}')
         times, raw = self._times[: self._count], self._raw[: self._count]
-        strays = self._strays_number()
+        strays = self._count_strays()
         if strays and not self._unstamped:
             notes.append(
-                f'{channel.name}: {count_of(strays, "message")} received at a time that cannot be: placed by the stamps'
+                f'{channel.name}: {count_of(strays, "message")} with an impossible time of reception: '
+                'ordered by the stamps'
             )
             order = np.argsort(times, kind='stable')
             times, raw = times[order], raw[order]
         return Content(channel, times, raw, self._unstamped, self._lags.clock(), tuple(notes))
 
     def _note_strays(self, received: NDArray[np.int64], stamps: NDArray[np.int64], stamped: NDArray[np.bool_]) -> None:
-        """Count messages whose time of reception is far from the stamp otherwise than that of the first one."""
+        """Count messages with a lag that differs by eleven days or more from the lag of the first message."""
         if not stamped.any():
             return
         lags = received[stamped].astype(float) - stamps[stamped].astype(float)
@@ -190,14 +191,14 @@ class Intake:
         self._stamped += len(lags)
         self._strays += int(np.count_nonzero(np.abs(lags - self._first_lag) > _STRAY))
 
-    def _strays_number(self) -> int:
-        """Return how many times of reception are not to be believed, if few are: a log that wraps round leaves some."""
+    def _count_strays(self) -> int:
+        """Return the number of impossible times of reception if there are few, as in a log that wraps round."""
         strays = min(self._strays, self._stamped - self._strays)
         return strays if strays < _FEW * self._stamped else 0
 
     @property
     def _wanted(self) -> str:
-        """What every message is to have; what a mapping says is not quoted."""
+        """Description of the wanted field; a field of a mapping is not quoted, since it may be secret."""
         return str(self._path) if self.channel.field is None else 'the field that the mapping gives'
 
     def _append(self, times: NDArray[np.int64], values: Array) -> None:
@@ -210,7 +211,7 @@ class Intake:
         self._count = end
 
     def _grow(self, count: int) -> None:
-        """Make room for more messages than were announced."""
+        """Make room for more messages than expected."""
         times, raw = self._times[: self._count], self._raw[: self._count]
         self._times = allocate(count, np.int64, self._folder)
         self._raw = allocate(count, np.float64, self._folder)
@@ -218,7 +219,7 @@ class Intake:
 
 
 class _Lags:
-    """Times from stamp to reception [ns], and of reception, of all messages or of some that are spread evenly."""
+    """Lags from stamp to reception [ns] and times of reception [ns], of all messages or of an even selection."""
 
     def __init__(self) -> None:
         self._kept = np.empty((2, 0), np.int64)
@@ -226,16 +227,16 @@ class _Lags:
         self._every = 1
 
     def add(self, lags: NDArray[np.int64], received: NDArray[np.int64]) -> None:
-        """Take in the lags of further messages, and when these were received."""
-        some = slice(-self._seen % self._every, None, self._every)
-        self._kept = np.concatenate([self._kept, np.stack([lags[some], received[some]])], axis=1)
+        """Add the lags and the times of reception of further messages."""
+        selected = slice(-self._seen % self._every, None, self._every)
+        self._kept = np.concatenate([self._kept, np.stack([lags[selected], received[selected]])], axis=1)
         self._seen += len(lags)
         while self._kept.shape[1] > MOST_LAGS:
             self._kept = self._kept[:, ::2]
             self._every *= 2
 
     def clock(self) -> ReceptionClock | None:
-        """Return how reception lies to the stamps, None of nothing."""
+        """Return the relation of the clock of reception to the stamps; None without messages."""
         lags, received = self._kept
         if not lags.size:
             return None
@@ -246,8 +247,10 @@ class _Lags:
         begin = int(received.min())
         stretches = min(_STRETCHES, lags.size)
         points = [
-            (float(np.median(since)), float(np.median(own)))
-            for since, own in zip(np.array_split(received - begin, stretches), np.array_split(lags - lag, stretches))
+            (float(np.median(since_begin)), float(np.median(lags_of_stretch)))
+            for since_begin, lags_of_stretch in zip(
+                np.array_split(received - begin, stretches), np.array_split(lags - lag, stretches)
+            )
         ]
         times, medians = np.array(points).T
         if np.ptp(times) == 0.0:
@@ -255,7 +258,7 @@ class _Lags:
         rate, start = np.polyfit(times, medians, 1)
         off = float(np.max(np.abs(medians - start - rate * times)))
         drift = float(rate * np.ptp(received))
-        if off > 0.1 * abs(drift):  # no line: something jumps, or a network is slow now and then
+        if off > 0.1 * abs(drift):  # not a line: a clock jumps, or the network is slow at times
             return ReceptionClock(lag, begin, float(lag), 0.0, 0.0, _scatter(lags))
         scatter = _scatter(lags - rate * (received - begin))
         return ReceptionClock(lag, begin, float(lag + start), float(rate), drift, scatter)

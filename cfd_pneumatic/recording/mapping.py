@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Mapping files: where a bag or a table of another make keeps the signals.
+Mapping files, which describe the signals of a bag or table that does not follow our convention.
 
-A mapping is YAML, with an entry for each signal; docs/mapping.md has examples, and all keys as they stand here.
+A mapping is YAML with an entry for each signal. docs/mapping.md has examples, and the keys that are documented here.
 """
 
 from __future__ import annotations
@@ -82,20 +82,20 @@ _THOUSANDS = {'point': '.', '.': '.', 'comma': ',', ',': ',', 'space': ' ', 'apo
 _MOST_ROWS = 10**9
 _LARGEST_NUMBER = 1e30
 _LONGEST_OFFSET = 1e9  # thirty years [s]
-_LONGEST_KEY = 40  # characters of a key that may be a misspelt one
+_LONGEST_KEY = 40  # characters of a key that are compared with the known keys
 
 
 @dataclass(frozen=True)
 class ChannelMapping:
     """
-    Where a bag or a table keeps the signals.
+    Mapping of the signals in a bag or table.
 
     Attributes
     ----------
     path : Path
-        The file it was read from.
+        File of the mapping.
     channels : tuple of SignalSource
-        The signals.
+        Sources of the signals.
     table : TableFormat or None
         Layout of the table; None if the mapping is for bags.
     types : Path or None
@@ -116,13 +116,13 @@ def read_mapping(path: Path | str) -> ChannelMapping:
     Parameters
     ----------
     path : Path or str
-        A YAML file as docs/mapping.md describes it.
+        A YAML file; see docs/mapping.md.
 
     Raises
     ------
     InputError
-        If it can't be read or something in it can't be meant: the message names the file, the line, the entry and the
-        key, and quotes nothing that stands there.
+        If the file cannot be read or has an invalid entry. The message names the file, the line, the entry and the key,
+        and quotes no values.
 
     """
     check_path('path', path)
@@ -135,7 +135,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
 
 
 class _Entry:
-    """A part of the file and its name, which every message about it begins with."""
+    """A named part of the file; messages on the part begin with its name."""
 
     def __init__(self, name: str, content: object, line: int = 0) -> None:
         self._name = name
@@ -150,25 +150,25 @@ class _Entry:
         return key in self.content
 
     def error(self, text: str, key: str = '') -> InputError:
-        """Return an error about this part, or about the value of a key, which it does not quote."""
+        """Return an error on this part, or on the value of a key; the error does not quote the value."""
         return self._error(f'{key} {text}' if key else text, self.content.lines.get(key, self._line))
 
     def check_keys(self, *known: str) -> None:
-        """Raise if there is a key that isn't known."""
+        """Raise an error for an unknown key."""
         for key in self.content:
             if key not in known:
                 near = get_close_matches(str(key)[:_LONGEST_KEY].lower(), known, n=1)
-                meant = f', did you mean {near[0]}? The' if near else ': the'
-                raise self._error(f'unknown key{meant} keys are {", ".join(known)}', self.content.lines[key])
+                suggestion = f', did you mean {near[0]}? The' if near else ': the'
+                raise self._error(f'unknown key{suggestion} keys are {", ".join(known)}', self.content.lines[key])
 
     def inner(self, key: str, shown: str = '') -> _Entry:
-        """Return the part under a key, which messages may show as another."""
+        """Return the part under a key; messages name the part `shown` if given."""
         name = shown or key
         value = self._value(key)
         return _Entry(f'{self._name}.{name}' if self._name else name, value, self.content.lines[key])
 
     def text(self, key: str) -> str:
-        """Return a text that is needed."""
+        """Return a mandatory text."""
         value = self._value(key)
         if not isinstance(value, str) or not value:
             raise self.error(f'must be a text, not {_kind_of(value)}', key)
@@ -196,7 +196,7 @@ class _Entry:
         return value
 
     def choice(self, key: str, choices: tuple[object, ...]) -> object:
-        """Return one of several values that is needed."""
+        """Return a mandatory value, which must be one of the choices."""
         value = self._value(key)
         if value not in choices or isinstance(value, bool):
             raise self.error(f'must be {_either(choices)}', key)
@@ -215,7 +215,7 @@ class _Entry:
         return value
 
     def unit(self, quantity: str | None, key: str = 'unit') -> Unit:
-        """Return a unit that is needed, of one quantity or of any."""
+        """Return a mandatory unit, of a given quantity or of any quantity."""
         known = [name for name, unit in UNITS.items() if quantity in (None, unit.quantity)]
         name = self.text(key)
         if name not in known:
@@ -232,13 +232,13 @@ class _Entry:
 
 
 def _either(choices: Sequence[object]) -> str:
-    """Return choices with an `or` before the last one."""
-    *others, last = map(str, choices)
-    return f'{", ".join(others)} or {last}'
+    """Return the choices as text, with an `or` before the last choice."""
+    *first_choices, last = map(str, choices)
+    return f'{", ".join(first_choices)} or {last}'
 
 
 def _kind_of(value: object) -> str:
-    """Return what kind of value stands there, for a message that must not quote it."""
+    """Return the kind of a value, for a message that must not quote the value."""
     kinds: tuple[tuple[type | tuple[type, ...], str], ...] = (
         (dict, 'keys and values'),
         (list, 'a list'),
@@ -263,13 +263,13 @@ def _mapping(path: Path, root: _Entry) -> ChannelMapping:
     if not any(channel.cylinder for channel in channels):
         raise root.error(f'{CYLINDERS[0]} is missing: give the pressure of a cylinder')
     if 'others' in root:
-        others = root.inner('others')
-        for rank, name in enumerate(others.content, start=1):
-            entry = others.inner(name, f'entry {rank}')
+        further_signals = root.inner('others')
+        for rank, name in enumerate(further_signals.content, start=1):
+            entry = further_signals.inner(name, f'entry {rank}')
             channels.append(_channel(entry, OTHER, str(name), table))
     types = (path.parent / root.text('types')).absolute() if 'types' in root else None
     if types is not None and not _is_folder(types):
-        raise root.error('must be a folder that is there, seen from the folder of this file', 'types')
+        raise root.error('must be an existing folder, relative to the folder of this file', 'types')
     return ChannelMapping(path, tuple(channels), table, types)
 
 
@@ -291,7 +291,7 @@ def _table(entry: _Entry) -> TableFormat:
     decimal = _DECIMALS[str(entry.choice('decimal', tuple(_DECIMALS)))] if 'decimal' in entry else '.'
     thousands = _THOUSANDS[str(entry.choice('thousands', tuple(_THOUSANDS)))] if 'thousands' in entry else ''
     if thousands == decimal:
-        raise entry.error('thousands and decimal are the same character: no number could be told from another')
+        raise entry.error('thousands and decimal are the same character: give different characters')
     return TableFormat(
         **_time(entry),
         thousands=thousands,
@@ -303,7 +303,7 @@ def _table(entry: _Entry) -> TableFormat:
 
 
 def _time(entry: _Entry) -> dict[str, Any]:
-    """Return where a table has the time."""
+    """Return the fields of a `TableFormat` that describe the time."""
     if 'sample_period' in entry:
         period = entry.number('sample_period', 0.0, _LONGEST_OFFSET)
         if period <= 0.0:
@@ -325,7 +325,7 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
     quantity = ROLES[role].quantity if role in ROLES else entry.unit(None).quantity
     pressure = quantity == 'pressure'
     if table is None and 'column' in entry:
-        raise entry.error('a column is one of a table: the mapping needs the entry `table`, with the time')
+        raise entry.error('`column` is for tables: the mapping needs the entry `table`, with the time')
     entry.check_keys(*source_keys, *NUMBER_KEYS, *(PRESSURE_KEYS if pressure else ()))
     source = entry.text('topic') if table is None else entry.column()
     sign = entry.choice('sign', (1, -1)) if 'sign' in entry else 1
@@ -348,7 +348,7 @@ def _channel(entry: _Entry, role: str, cylinder: str | None, table: TableFormat 
 def _scale(entry: _Entry) -> float:
     scale = entry.number('scale', 1.0)
     if scale == 0.0:
-        raise entry.error('must not be 0: it is what one raw unit is in `unit`', 'scale')
+        raise entry.error('must not be 0: it is the value of one raw unit in `unit`', 'scale')
     return scale
 
 

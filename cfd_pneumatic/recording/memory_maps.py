@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays that are longer than memory: kept in files, made and gone over part by part."""
+"""Arrays that exceed the memory: kept in files, written and read part by part."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.recording.message_texts import reason_of
 
 PART = 65_536
-"""Entries of an array that are gone over together."""
+"""Number of array entries in a part."""
 
 
 def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
@@ -31,14 +31,14 @@ def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If there is no room for it.
+        If memory or disk have no room for the array.
 
     """
     size = count * np.dtype(dtype).itemsize
     try:
         if folder is None or not size:
             return np.empty(count, dtype)
-        if size > shutil.disk_usage(folder).free:  # or trying would fill the disk for everybody
+        if size > shutil.disk_usage(folder).free:  # an attempt would fill the disk
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         with TemporaryFile(dir=folder) as file:
             os.posix_fallocate(file.fileno(), 0, size)  # a disk that fills up later would kill the program
@@ -50,12 +50,12 @@ def allocate(count: int, dtype: DTypeLike, folder: Path | None) -> NDArray[Any]:
 def _no_room(size: int, folder: Path | None, error: Exception) -> InputError:
     return InputError(
         f'{size / 1e6:.1f} MB of it cannot be kept in {folder or "memory"}: '
-        f'{getattr(error, "strerror", None) or reason_of(error)}; give a folder with room for it in TMPDIR'
+        f'{getattr(error, "strerror", None) or reason_of(error)}; name a folder with more room in TMPDIR'
     )
 
 
 def parts(*arrays: NDArray[Any]) -> Iterator[slice]:
-    """Yield slices that cover arrays of equal length, one after the other; memory is given back behind each."""
+    """Yield consecutive slices of arrays of equal length; release the memory of file arrays after each slice."""
     count = len(arrays[0])
     for begin in range(0, count, PART):
         yield slice(begin, min(begin + PART, count))
@@ -63,7 +63,7 @@ def parts(*arrays: NDArray[Any]) -> Iterator[slice]:
 
 
 def give_back(*arrays: NDArray[Any]) -> None:
-    """Give back the memory of arrays that are in files; they are read again where they are needed."""
+    """Release the memory of arrays that are in files; the system reads the files again on access."""
     for array in arrays:
         base: Any = array
         while isinstance(base, np.ndarray):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for messages and notes."""
+"""Texts in messages and notes."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def count_of(count: int, noun: str) -> str:
 
 
 def listed(names: Sequence[str], most: int = 40) -> str:
-    """Return names for a message: so many of them, and as much of each as a message has room for."""
+    """Return names for a message, with at most `most` names, each shortened to 100 characters."""
     shown = ', '.join(printable(name[:_LONGEST_NAME]) for name in names[:most])
     return shown + (f' and {len(names) - most:,} more' if len(names) > most else '')
 
 
 def reason_of(error: BaseException) -> str:
-    """Return why something could not be read. Libraries quote what they stumble over, which may be a secret."""
+    """Return the reason of a failure to read. Texts of libraries are omitted: they may quote secret input."""
     if isinstance(error, InputError | DamageError):
         return str(error)
     if isinstance(error, OSError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples of a displacement or a force that nobody measured: left out, or put right where a counter wraps round."""
+"""Remove wild samples of a displacement, force or pressure, and correct a counter that wraps round."""
 
 from __future__ import annotations
 
@@ -16,36 +16,36 @@ from cfd_pneumatic.recording.dropouts import dropouts
 from cfd_pneumatic.recording.message_texts import count_of
 
 _MOST_LOOKED_AT = 100_000  # samples
-_PART = 1_000_000  # samples that are looked at at once
-_MOST_LEFT_OUT = 0.2  # share of the samples; more are no exceptions
-_SPIKE = 3  # samples that a leap out and back may last with several values
-_FAR_OUT = 10.0  # spans, beyond which any run of samples is wild
+_PART = 1_000_000  # samples that are checked together
+_MOST_LEFT_OUT = 0.2  # share of the samples; a larger share is not an exception
+_SPIKE = 3  # longest excursion with different values [samples]
+_FAR_OUT = 10.0  # distance beyond which any run of samples is wild, in usual ranges
 _COUNTERS = (*(2.0**bits for bits in range(8, 33)), *(10.0**digits for digits in range(3, 8)))
-"""Steps of counters."""
+"""Usual numbers of steps of a counter."""
 
-_NEARLY = 0.98  # share of its steps that a counter has shown
+_NEARLY = 0.98  # share of a counter's steps that the recording covers
 _MOST_LEAPS = 0.3  # share of the samples
-_GO_ON = 0.75  # share of the leaps behind which the motion goes on
-_UNSURE = 0.4  # of the counter's range, by which the piston moves between two samples
-_SMOOTHER = 0.5  # times the changes of the speed that are left
-_WRAP = 0.5  # share of the range that a counter's leap has at least
-_SMALL = 0.1  # share of the leap that other changes have at most
-_ALIKE = 0.1  # by which leaps of one counter differ, as a share
+_GO_ON = 0.75  # share of the leaps after which the motion continues
+_UNSURE = 0.4  # motion between two samples above which unwrapping is unsure, as a share of the counter's range
+_SMOOTHER = 0.5  # remaining changes of the speed after unwrapping, as a share
+_WRAP = 0.5  # smallest leap of a counter, as a share of the range
+_SMALL = 0.1  # largest other change, as a share of the leap
+_ALIKE = 0.1  # largest difference between leaps of a counter, as a share
 
 
 @dataclass(frozen=True)
 class Screen:
     """
-    What no sample of a kind does: it leaps so far out of what lies between two values mostly, and so fast.
+    Limits of an excursion from the usual range beyond which a sample is wild.
 
     Attributes
     ----------
     spans
-        Of the usual range.
+        Distance in usual ranges.
     least
-        At least so far [SI]: of a recording mostly at rest the usual range is noise, and a stroke or a contact is none.
+        Smallest distance [SI]: in a recording mostly at rest the usual range is noise, which a stroke exceeds.
     rate
-        Per second [SI/s].
+        Speed of the excursion [SI/s].
     wraps
         Whether the sensor may be a counter that wraps round.
 
@@ -62,11 +62,11 @@ SCREENS = {
     'force': Screen(spans=5.0, least=1e3, rate=0.0, wraps=False),  # no such device makes a kilonewton
     'pressure': Screen(spans=math.inf, least=math.inf, rate=0.0, wraps=False),  # only runs of a code are left out
 }
-"""By role."""
+"""Limits by role."""
 
 
 def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
-    """Return the samples of a signal without those that are wild; its notes say what was done."""
+    """Return the samples of a signal without wild samples, with notes on the changes."""
     screen = SCREENS[role]
     values, notes = cleaned.values, list(cleaned.notes)
     period = _period_of_counter(values) if screen.wraps else None
@@ -89,19 +89,19 @@ def screened(cleaned: Cleaned, role: str, name: str) -> Cleaned:
     if not number:
         return Cleaned(cleaned.times, values, tuple(notes))
     first = (cleaned.times[int(np.argmax(wild))] - cleaned.times[0]) / NANOSECONDS
-    what = f'left out {count_of(number, "sample")} of {len(values):,} that leap out of the others and back'
-    advice = "look at the sensor's range, its plug and the logger, and whether two publish the topic"
-    notes.append(f'{name}: {what}, first {first:.4g} s after the begin: {advice}')
+    change = f'left out {count_of(number, "sample")} of {len(values):,} that leap out of the others and back'
+    advice = "check the sensor's range, its plug and the logger, and whether the topic has two publishers"
+    notes.append(f'{name}: {change}, first {first:.4g} s after the begin: {advice}')
     times, values = keep(cleaned.times, values, lambda part: ~wild[part])
     return Cleaned(times, values, tuple(notes))
 
 
 def _period_of_counter(values: Array) -> float | None:
     """
-    Return by how much a displacement leaps where a counter wraps round; None if none does.
+    Return the range of a counter that wraps round; None if no counter is recognised.
 
-    The motion goes on behind the leap as before it, where a piston that leaps stops. A counter that is narrow for the
-    motion is known by its number of steps, a power of two or of ten; of a wide one all leaps are alike.
+    After a wrap the motion continues; a piston that leaps would stop. A counter with a range below the motion is
+    recognised by its number of steps, a power of two or of ten. All leaps of a counter with a wide range are equal.
     """
     values = values[:_PART]
     reach = float(np.ptp(values)) if len(values) >= 5 else 0.0
@@ -114,9 +114,9 @@ def _period_of_counter(values: Array) -> float | None:
     goes_on = (np.sign(before) == -np.sign(leap)) & (np.sign(behind) == -np.sign(leap))
     if np.mean(goes_on) < _GO_ON:
         return None
-    others = np.delete(np.abs(changes), leaps)
-    alike = np.ptp(np.abs(changes[leaps])) < _ALIKE * reach and np.percentile(others, 99.0) < _SMALL * reach
-    period = _steps_of_counter(values, reach)
+    small_changes = np.delete(np.abs(changes), leaps)
+    alike = np.ptp(np.abs(changes[leaps])) < _ALIKE * reach and np.percentile(small_changes, 99.0) < _SMALL * reach
+    period = _range_of_counter(values, reach)
     if period is None and alike:
         period = float(np.median(np.abs(leap - 0.5 * (before + behind))))
     if period is None:
@@ -126,8 +126,8 @@ def _period_of_counter(values: Array) -> float | None:
     return period if is_smoother else None
 
 
-def _steps_of_counter(values: Array, reach: float) -> float | None:
-    """Return the range of a counter that has a usual number of steps; None if it has not."""
+def _range_of_counter(values: Array, reach: float) -> float | None:
+    """Return the range of a counter with a usual number of steps; None for another number."""
     levels = np.unique(values[:: max(1, len(values) // _MOST_LOOKED_AT)])
     step = float(np.min(np.diff(levels))) if len(levels) > 1 else 0.0
     if not step:
@@ -138,10 +138,10 @@ def _steps_of_counter(values: Array, reach: float) -> float | None:
 
 
 def _wild(times: NDArray[np.int64], values: Array, screen: Screen) -> NDArray[np.bool_]:
-    """Return which samples leap out of all others and back."""
+    """Return which samples leap out of the usual range and back."""
     wild = np.zeros(len(values), bool)
-    some = values[:: max(1, len(values) // _MOST_LOOKED_AT)]
-    low, high = np.percentile(some, (5.0, 95.0)).tolist()
+    selection = values[:: max(1, len(values) // _MOST_LOOKED_AT)]
+    low, high = np.percentile(selection, (5.0, 95.0)).tolist()
     if low == high or len(values) < 5:
         return wild
     for begin in range(0, len(values), _PART):
@@ -151,7 +151,7 @@ def _wild(times: NDArray[np.int64], values: Array, screen: Screen) -> NDArray[np
 
 
 def _wild_within(times: NDArray[np.int64], values: Array, low: float, high: float, screen: Screen) -> NDArray[np.bool_]:
-    """Return which samples leap out of what lies between two values mostly, and back."""
+    """Return which samples of a part leap out of the usual range, from `low` to `high`, and back."""
     wild = np.zeros(len(values), bool)
     span = high - low
     far = max(screen.spans * span, screen.least)
@@ -163,8 +163,8 @@ def _wild_within(times: NDArray[np.int64], values: Array, low: float, high: floa
         run = values[begin:end]
         edges = [*([begin - 1] if begin else []), *([end - 1] if end < len(values) else [])]
         is_odd = len(run) <= _SPIKE or np.ptp(run) == 0.0 or np.min(np.abs(run - low)) > _FAR_OUT * span
-        leaps = edges and all(steps[one] > max(far, screen.rate * seconds[one]) for one in edges)
-        wild[begin:end] = is_odd and bool(leaps)
+        has_leaps = edges and all(steps[edge] > max(far, screen.rate * seconds[edge]) for edge in edges)
+        wild[begin:end] = is_odd and bool(has_leaps)
     return wild
 
 

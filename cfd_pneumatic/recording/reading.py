@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a recording, from whatever it is in."""
+"""Read recordings from bags and tables."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _SAMPLED = ('displacement', 'pressure', 'force')
 """Roles whose samples cover a whole recording."""
 
 Paths = list[Path] | list[str] | tuple[Path | str, ...]
-"""Several paths; a sequence would not do, for a string is one, too."""
+"""Several paths; not `Sequence`, since a string is a sequence, too."""
 
 
 @overload
@@ -81,36 +81,36 @@ def read_recording(
     folder: Path | str | None = None,
 ) -> Recording | list[Recording]:
     """
-    Read a bag or a table, or several.
+    Read one or several bags or tables.
 
     Parameters
     ----------
     path : Path or str, or a sequence of them
-        A ROS 2 bag (its folder, or a .mcap or .db3 file), a ROS 1 .bag file, or with a mapping that says so a table.
+        A ROS 2 bag (folder, .mcap or .db3 file), or a ROS 1 .bag file. With a mapping for tables, a table.
     mapping : ChannelMapping, Path or str, optional
-        Where the signals are, or the file that says so; by default they are at the names of our convention.
+        Mapping of the signals, or its file; by default the signals have the names of our convention.
     namespace : str, optional
-        Namespace of the topics; needed where several hold our convention's topics. Relative topics of a mapping are in
-        it.
+        Namespace of the topics, also of relative topics in a mapping; needed if several namespaces follow our
+        convention.
     ambient_pressure : float
-        What gauge pressures are above, absolute [Pa].
+        Absolute ambient pressure, which is added to gauge pressures [Pa].
     joint : str
         Name of the piston in a JointState.
     force_axis : str
         Axis of the force in a WrenchStamped: x, y or z.
     folder : Path or str, optional
-        Folder for files to keep the signals of a bag in, so that they need no memory. They vanish with the recording.
-        By default a long recording's are in the system's temporary folder.
+        Folder for files with the signals of a bag, which save memory and vanish with the recording. By default only
+        long recordings use files, in the system's temporary folder.
 
     Returns
     -------
-    Recording, or a list of them where several paths are given
-        All that was found, in SI units, each signal on its own times.
+    Recording, or a list of recordings if several paths are given
+        Signals in SI units, each with separate sample times.
 
     Raises
     ------
     InputError
-        If there is nothing to read or it can't be meant: the message says what to do.
+        If there is nothing to read, or the data are implausible. The message states what to do.
 
     """
     if isinstance(mapping, Path | str):
@@ -125,7 +125,7 @@ def read_recording(
     if not isinstance(path, Path | str):
         return [
             read_recording(
-                one,
+                single_path,
                 mapping=mapping,
                 namespace=namespace,
                 ambient_pressure=ambient_pressure,
@@ -133,7 +133,7 @@ def read_recording(
                 force_axis=force_axis,
                 folder=folder,
             )
-            for one in path
+            for single_path in path
         ]
     path = Path(path)
     if force_axis not in FORCE_AXES:
@@ -171,24 +171,24 @@ def _read_bag(
 
 
 def _preferred(channels: Sequence[SignalSource]) -> list[SignalSource]:
-    """Leave out the set-points of cylinders whose applied set-point is there."""
+    """Return the channels without the set-points of cylinders that have an applied set-point."""
     applied = {channel.cylinder for channel in channels if channel.role == 'setpoint_applied'}
     return [channel for channel in channels if channel.role != 'setpoint' or channel.cylinder not in applied]
 
 
 def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambient_pressure: float) -> Recording:
-    """Make a recording of samples, at least of one pressure; without a displacement the piston is at rest."""
-    said = {(one.channel.role, one.channel.cylinder): _said(one.channel) for one in samples}
-    shared = max(share_at_shared_times(one.times, one.raw) for one in samples if one.channel.role in _SAMPLED)
-    cleaned = {(one.channel.role, one.channel.cylinder): _clean(one, ambient_pressure) for one in samples}
-    epoch = min(int(one.times[0]) for one in cleaned.values())
+    """Make a recording of the samples of one pressure or more; without a displacement the piston is at rest."""
+    units = {(raw.channel.role, raw.channel.cylinder): _unit_and_reference(raw.channel) for raw in samples}
+    shared = max(share_at_shared_times(raw.times, raw.raw) for raw in samples if raw.channel.role in _SAMPLED)
+    cleaned = {(raw.channel.role, raw.channel.cylinder): _clean(raw, ambient_pressure) for raw in samples}
+    epoch = min(int(clean_samples.times[0]) for clean_samples in cleaned.values())
     short = _short_signals(cleaned, epoch)
 
     def signal(role: str, cylinder: str | None = None) -> Signal | None:
-        found = cleaned.get((role, cylinder))
-        if found is None:
+        clean_samples = cleaned.get((role, cylinder))
+        if clean_samples is None:
             return None
-        return Signal(_seconds_since(epoch, found.times), found.values, *said[role, cylinder])
+        return Signal(_seconds_since(epoch, clean_samples.times), clean_samples.values, *units[role, cylinder])
 
     cylinders = {}
     for cylinder in CYLINDERS:
@@ -196,15 +196,15 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         if pressure is not None:
             setpoint = signal('setpoint_applied', cylinder) or signal('setpoint', cylinder)
             cylinders[cylinder] = CylinderSignals(pressure, setpoint)
-    moved = signal('displacement')
-    displacement = _at_rest(cylinders) if moved is None else moved
+    measured = signal('displacement')
+    displacement = _at_rest(cylinders) if measured is None else measured
     _check_overlap(displacement, cylinders)
-    health = [*notes, *(note for one in cleaned.values() for note in one.notes), *short]
-    own = {field.name for field in fields(Recording)}
-    others = {
-        str(other if role == OTHER else role): Signal(_seconds_since(epoch, found.times), found.values)
-        for (role, other), found in cleaned.items()
-        if role == OTHER or (role in ROLES and not ROLES[role].of_cylinder and role not in own)
+    health = [*notes, *(note for clean_samples in cleaned.values() for note in clean_samples.notes), *short]
+    attributes = {field.name for field in fields(Recording)}
+    further_signals = {
+        str(name_or_cylinder if role == OTHER else role): Signal(_seconds_since(epoch, found.times), found.values)
+        for (role, name_or_cylinder), found in cleaned.items()
+        if role == OTHER or (role in ROLES and not ROLES[role].of_cylinder and role not in attributes)
     }
     return Recording(
         name=printable(name),
@@ -213,16 +213,16 @@ def _assemble(name: str, samples: Sequence[Samples], notes: Sequence[str], ambie
         cylinders=cylinders,
         force=signal('force'),
         health=tuple(map(printable, health)),
-        others=others,
-        rests=moved is None,
+        others=further_signals,
+        rests=measured is None,
         shared_times=shared,
     )
 
 
-def _said(channel: SignalSource) -> tuple[str | None, str | None]:
-    """Return the unit and the reference that a mapping says a signal to have; None for what it does not say."""
+def _unit_and_reference(channel: SignalSource) -> tuple[str | None, str | None]:
+    """Return the unit and the reference of a signal according to a mapping; None for each that is not given."""
     unit, _, reference = channel.table.partition(' ')
-    if unit in UNITS:  # of a table that the bag was made of
+    if unit in UNITS:  # the bag was made from a table
         return unit, reference if reference in (GAUGE, ABSOLUTE) else None
     if channel.unit is None or UNITS[channel.unit].quantity != 'pressure':
         return channel.unit, None
@@ -231,12 +231,13 @@ def _said(channel: SignalSource) -> tuple[str | None, str | None]:
 
 def _at_rest(cylinders: Mapping[str, CylinderSignals]) -> Signal:
     """Return the displacement of a piston that rests at zero, at the times of the longest pressure."""
-    longest = max((one.pressure for one in cylinders.values()), key=lambda signal: float(np.ptp(signal.times)))
+    pressures = (cylinder.pressure for cylinder in cylinders.values())
+    longest = max(pressures, key=lambda signal: float(np.ptp(signal.times)))
     return Signal(longest.times, np.zeros(len(longest)))
 
 
 def _seconds_since(epoch: int, times: NDArray[np.int64]) -> Array:
-    """Return times [ns] in seconds since an epoch, in the same memory."""
+    """Convert times [ns] to seconds since an epoch, in the same memory."""
     seconds = times.view(np.float64)
     for part in parts(times):
         seconds[part] = (times[part] - epoch) / NANOSECONDS
@@ -267,14 +268,14 @@ def _without_pulses(changes: Cleaned, name: str) -> Cleaned:
 
 
 def _from_previous(applied: Cleaned) -> Cleaned:
-    """Return set-points that acted up to their times at the times from which they acted on."""
+    """Convert set-points that acted up to their times to set-points that act from their times on."""
     if len(applied.times) == 1:
         return applied
     return Cleaned(applied.times[:-1], applied.values[1:], applied.notes)
 
 
 def _short_signals(cleaned: Mapping[tuple[str, str | None], Cleaned], epoch: int) -> list[str]:
-    """Return notes on sampled signals that begin later or end earlier than the recording."""
+    """Return notes on signals that begin later or end earlier than the recording."""
     spans = {
         ' '.join(filter(None, (cylinder, role))): tuple((found.times[[0, -1]] - epoch) / NANOSECONDS)
         for (role, cylinder), found in cleaned.items()

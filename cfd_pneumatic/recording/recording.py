@@ -19,28 +19,28 @@ from cfd_pneumatic.recording.signals import CylinderSignals, Signal
 @dataclass(frozen=True, repr=False)
 class Recording:
     """
-    One bag or table.
+    Signals of a bag or table.
 
     Attributes
     ----------
     name : str
         Name of the file or folder.
     epoch : int
-        Time of zero [ns]: the earliest sample of any signal. Since 1970 in a bag, since its own zero in a table.
+        Time of the earliest sample of any signal [ns], since 1970 in a bag, since the table's zero in a table.
     displacement : Signal
         Displacement [m]; +x grows cylinder A's volume and shrinks B's.
     cylinders : Mapping
-        Signals by cylinder, for those (`cylinder_a`, `cylinder_b`) whose pressure was recorded.
+        Signals by cylinder (`cylinder_a`, `cylinder_b`); only cylinders with a recorded pressure.
     force : Signal or None
         Measured contact force [N].
     health : tuple of str
-        What was amiss and how it was treated, for people to read.
+        Messages to the user on defects of the data and their treatment.
     others : Mapping
-        Further signals, by the names that a mapping gives them [SI].
+        Further signals by their names in the mapping [SI].
     rests : bool
-        Whether no displacement was recorded: the piston is taken to be at rest.
+        Whether no displacement was recorded; the piston is then assumed to rest.
     shared_times : float
-        Share of the samples that were left out since they had the time of another sample, and another value.
+        Share of the samples that were left out because another sample with a different value has the same time.
 
     """
 
@@ -66,10 +66,9 @@ class Recording:
         name: str = 'arrays',
     ) -> Recording:
         """
-        Return a recording of signals that were sampled together, as NumPy's arrays or columns of pandas.
+        Return a recording of signals that were sampled together, from NumPy arrays or pandas columns.
 
-        Values that are masked or no finite numbers, times that come twice or out of order, and gaps are treated and
-        noted as those of a file are.
+        Masked and non-finite values, repeated or unordered times, and gaps are treated and noted as in a file.
 
         Parameters
         ----------
@@ -77,20 +76,20 @@ class Recording:
             Times of the samples [s], dates or durations of NumPy, pandas or `datetime`, or dates as texts in ISO 8601.
             Dates without a zone are in UTC.
         displacement : (n,) array or None
-            Displacement [m]; +x grows cylinder A. None where the piston rests.
+            Displacement [m]; +x grows cylinder A. None if the piston rests.
         pressures : Mapping of (n,) arrays
             Absolute pressures by cylinder, `cylinder_a` and `cylinder_b` or one of them [Pa].
         setpoints : Mapping of (n,) arrays or numbers
-            Absolute set pressures by cylinder, each of which acts from its time on [Pa].
+            Absolute set pressures by cylinder [Pa]; each acts from its time on.
         force : (n,) array, optional
             Measured contact force [N].
         name : str
-            What to call it.
+            Name of the recording.
 
         Raises
         ------
         InputError
-            If shapes differ, something is no number, or a name is no cylinder's.
+            If shapes differ, a value is not a number, or a name is not that of a cylinder.
 
         """
         signals = signals_from_arrays(times, displacement, pressures, setpoints, force, name)
@@ -106,25 +105,25 @@ class Recording:
         )
 
     def __repr__(self) -> str:
-        """Return what it is."""
+        """Return the name and the numbers of samples."""
         return f'<Recording {self}>'
 
     def __str__(self) -> str:
-        """Return how many samples there are of each signal."""
-        counted = [
+        """Return the name and the number of samples of each signal."""
+        counts = [
             f'{role if cylinder is None else f"{cylinder} {role}"} {len(signal):,}'
             for role, cylinder, signal in self.signals()
         ]
-        return f'{self.name}: {", ".join(counted)}'
+        return f'{self.name}: {", ".join(counts)}'
 
     def signals(self) -> Iterator[tuple[str, str | None, Signal]]:
-        """Yield the signals that there are, with their roles, see `convention.ROLES`, and cylinders."""
+        """Yield the role (see `convention.ROLES`), the cylinder and the signal for each recorded signal."""
         if not self.rests:
             yield 'displacement', None, self.displacement
-        for cylinder, own in self.cylinders.items():
-            yield 'pressure', cylinder, own.pressure
-            if own.setpoint is not None:
-                yield 'setpoint', cylinder, own.setpoint
+        for cylinder, cylinder_signals in self.cylinders.items():
+            yield 'pressure', cylinder, cylinder_signals.pressure
+            if cylinder_signals.setpoint is not None:
+                yield 'setpoint', cylinder, cylinder_signals.setpoint
         if self.force is not None:
             yield 'force', None, self.force
         for name, signal in self.others.items():
@@ -132,17 +131,17 @@ class Recording:
 
     def between(self, begin: float, end: float) -> Recording:
         """
-        Return what lies between two times, in memory.
+        Return the part of the recording between two times, in memory.
 
         Parameters
         ----------
         begin, end : float
-            Times since the epoch, which stays [s]; a sample at `begin` counts, one at `end` doesn't.
+            Times since the epoch [s]. The part includes a sample at `begin` and excludes a sample at `end`.
 
         Returns
         -------
         Recording
-            Of the set-points also the one that acted at `begin`, at its own time; of other signals maybe no sample.
+            Part with the same epoch. It includes the set-point that acted at `begin`; other signals may be empty.
 
         """
         return replace(
@@ -155,19 +154,19 @@ class Recording:
 
     def part(self, begin: float | None = None, end: float | None = None) -> Recording:
         """
-        Return what lies between two times after the first sample [s], either of which may be left out.
+        Return the part of the recording between two optional times after the first sample [s].
 
         Raises
         ------
         InputError
-            If that is outside of the recording, or nothing.
+            If the part is empty or outside of the recording.
 
         """
         check_numbers(optional=True, begin=begin, end=end)
-        lasts = max(float(signal.times[-1]) for _, _, signal in self.signals())
-        first, last = (0.0 if begin is None else begin), (lasts if end is None else end)
-        if not 0.0 <= first < last or first >= lasts or (end is not None and end > lasts):
+        duration = max(float(signal.times[-1]) for _, _, signal in self.signals())
+        first, last = (0.0 if begin is None else begin), (duration if end is None else end)
+        if not 0.0 <= first < last or first >= duration or (end is not None and end > duration):
             raise InputError(
-                f'{self.name}: {first:g} to {last:g} s is not within its {lasts:.6g} s: give times that are'
+                f'{self.name}: {first:g} to {last:g} s is not within its {duration:.6g} s: give times that are'
             )
         return self.between(first, np.nextafter(last, np.inf) if end is None else last)

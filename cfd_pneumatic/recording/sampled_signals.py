@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of arrays: signals that were sampled together."""
+"""Make recordings of arrays whose signals were sampled together."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cfd_pneumatic.recording.signals import CylinderSignals, Signal
 
 
 class Sampled(Protocol):
-    """What sensors gave, sample by sample: each attribute has shape (n,), or (n, 2) for the cylinders A and B."""
+    """Sensor data on common times: each attribute has shape (n,), or (n, 2) for the cylinders A and B."""
 
     @property
     def times(self) -> Array:
@@ -32,7 +32,7 @@ class Sampled(Protocol):
 
     @property
     def setpoints(self) -> Array:
-        """Absolute set pressures up to each sample, since the one before [Pa]."""
+        """Absolute set pressures between the previous sample and each sample [Pa]."""
 
     @property
     def force(self) -> Array:
@@ -40,7 +40,7 @@ class Sampled(Protocol):
 
 
 def recording_of(record: Sampled, name: str = 'recording', epoch: int = 0) -> Recording:
-    """Return what a device's sensors gave, as if it had been read from a bag; `epoch` is when its time is zero [ns]."""
+    """Convert a device's sensor data to a recording, as if read from a bag; `epoch` is the time of zero [ns]."""
     start = float(record.times[0])
     pressures, setpoints = (dict(zip(CYLINDERS, columns.T)) for columns in (record.pressures, record.setpoints))
     return sampled(
@@ -65,37 +65,37 @@ def sampled(
     epoch: int = 0,
 ) -> Recording:
     """
-    Return a recording of signals on one clock.
+    Return a recording of signals with common sample times.
 
     Parameters
     ----------
     times : (n,) array
-        Of the samples [s], strictly increasing.
+        Times of the samples [s], strictly increasing.
     displacement : (n,) array
         Displacement [m].
     pressures : Mapping of (n,) arrays
         Absolute pressures by cylinder [Pa].
     setpoints : Mapping of (n,) arrays
-        Absolute set pressures by cylinder, where they were recorded, that acted up to each sample [Pa].
+        Absolute set pressures that acted up to each sample [Pa], by cylinder with a recorded set-point.
     force : (n,) array, optional
         Contact force [N].
     name : str
-        What to call it.
+        Name of the recording.
     epoch : int
         Time of zero [ns].
 
     """
     cylinders = {
         cylinder: CylinderSignals(
-            Signal(times, pressure), applied(times, setpoints[cylinder]) if cylinder in setpoints else None
+            Signal(times, pressure), _held_signal(times, setpoints[cylinder]) if cylinder in setpoints else None
         )
         for cylinder, pressure in pressures.items()
     }
-    felt = None if force is None else Signal(times, force)
-    return Recording(name, epoch, Signal(times, displacement), cylinders, felt, ())
+    force_signal = None if force is None else Signal(times, force)
+    return Recording(name, epoch, Signal(times, displacement), cylinders, force_signal, ())
 
 
-def applied(times: Array, values: Array) -> Signal:
-    """Return what acted up to each sample, since the one before, as values that hold from their times on."""
+def _held_signal(times: Array, values: Array) -> Signal:
+    """Convert values that acted up to each sample to values that hold from their times on."""
     changed = np.flatnonzero(np.diff(values)) + 1
     return Signal(np.append(times[:1], times[changed - 1]), np.append(values[:1], values[changed]))

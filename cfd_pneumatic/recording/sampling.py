@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading the samples of a bag's channels: one pass over the messages, decoded a block at a time."""
+"""Read the samples of a bag's channels in one pass over the messages, decoded block by block."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from cfd_pneumatic.recording.sources import RECEIVE, Samples, SignalSource
 from cfd_pneumatic.recording.topics import list_topics
 
 LONG = 8_000_000
-"""Samples, of all channels together, from which on a recording is kept in files: 128 MB."""
+"""Number of samples of all channels above which a recording is kept in files: 128 MB."""
 
 OTHER_CLOCK = 1.0
-"""Stamps that differ from the times of reception by more [s] come from another clock."""
+"""Lag of reception behind the stamps [s] above which the stamps come from another clock."""
 
 
 DRIFT = 0.05
-"""Where stamps and times of reception drift apart by more [s], their clocks run at different rates."""
+"""Drift between stamps and times of reception [s] above which their clocks run at different rates."""
 
 
 SCATTER = 0.03
-"""Where messages are received by more sooner or later after their stamps [s], times of reception say little."""
+"""Scatter of the lags [s] above which times of reception are inaccurate."""
 
 
 @dataclass(frozen=True)
 class Defaults:
-    """What is meant where a channel leaves it open: a joint, and an axis of a force (`x`, `y` or `z`)."""
+    """Defaults of a channel: the joint, and the axis of a force (`x`, `y` or `z`)."""
 
     joint: str
     force_axis: str
@@ -58,7 +58,7 @@ def read_samples(
     bag: Bag, channels: Sequence[SignalSource], types_folder: Path | None, defaults: Defaults, folder: Path | None
 ) -> tuple[list[Samples], list[str]]:
     """
-    Return what a bag holds for some channels, and notes on what was amiss.
+    Return the samples of given channels in a bag, and notes on defects.
 
     Parameters
     ----------
@@ -69,22 +69,23 @@ def read_samples(
     types_folder : Path or None
         Folder with definitions of messages.
     defaults : Defaults
-        What is meant where a channel leaves it open.
+        Joint and axis for channels that do not give them.
     folder : Path or None
-        Folder to keep the samples in; None for memory, or the system's temporary folder if there are more than `LONG`.
+        Folder for the samples; None for memory, or for the system's temporary folder if there are more than `LONG`.
 
     Raises
     ------
     InputError
-        If a topic is missing or empty, its type unknown, or a field isn't there.
+        If a topic is missing or empty, its type is unknown, or a field is missing.
 
     """
     definitions = Definitions(types_folder)
-    found = [_find(bag, channel, definitions, defaults) for channel in channels]
-    if folder is None and sum(topic.count for topic, _, _ in found) > LONG:
+    sources = [_find_source(bag, channel, definitions, defaults) for channel in channels]
+    if folder is None and sum(topic.count for topic, _, _ in sources) > LONG:
         folder = Path(gettempdir())
     intakes = [
-        Intake(channel, decoder, path, topic.count, folder) for channel, (topic, path, decoder) in zip(channels, found)
+        Intake(channel, decoder, path, topic.count, folder)
+        for channel, (topic, path, decoder) in zip(channels, sources)
     ]
     by_topic: dict[str, list[Intake]] = {}
     for intake in intakes:
@@ -95,21 +96,21 @@ def read_samples(
     return _on_one_clock([intake.content() for intake in intakes])
 
 
-def _find(
+def _find_source(
     bag: Bag, channel: SignalSource, definitions: Definitions, defaults: Defaults
 ) -> tuple[Topic, FieldPath, Decoder]:
-    """Return a channel's topic, where its number is, and what decodes it."""
+    """Return the topic of a channel, the path of its number, and a decoder."""
     topic = bag.topics.get(str(channel.source))
     if topic is None:
         raise InputError(
             f'has no topic of the name that the mapping gives for the {channel.name}: '
             f'the topics are {list_topics(bag.topics)}'
         )
-    types = definitions.of(topic.connections)
+    types = definitions.for_topic(topic.connections)
     field = channel.field or obvious_field(topic.msgtype, joint=defaults.joint, force_axis=defaults.force_axis)
     if field is None:
         numbers = list_numbers(types, topic.msgtype)
-        raise InputError(f'topic {topic.name}: say which field of {topic.msgtype} is meant: {numbers}')
+        raise InputError(f'topic {topic.name}: give the `field` of {topic.msgtype} in the mapping: {numbers}')
     try:
         path = parse_path(field)
         check_number(types, topic.msgtype, path)
@@ -120,7 +121,7 @@ def _find(
 
 
 def _stamp(types: Typestore, msgtype: str, channel: SignalSource) -> TimePaths | CounterPath | None:
-    """Return where the stamps of a channel's messages are."""
+    """Return the path of the stamps of a channel's messages; None for times of reception."""
     if channel.stamp == RECEIVE or (channel.stamp is None and not has_header(types, msgtype)):
         return None
     path = parse_path(channel.stamp or 'header.stamp')
@@ -132,10 +133,10 @@ def _stamp(types: Typestore, msgtype: str, channel: SignalSource) -> TimePaths |
 
 def _on_one_clock(contents: Sequence[Content]) -> tuple[list[Samples], list[str]]:
     """
-    Return samples at their stamps, those without one at the time of reception.
+    Return samples at their stamps, or at the time of reception if they have no stamp.
 
-    Where the stamps come from another clock than the times of reception, as simulated time does, the latter are moved
-    by what lies between the two; that may grow, as the clocks may run at different rates.
+    If the stamps come from another clock, such as simulated time, the times of reception are moved by the lag between
+    the clocks. The lag may grow, since the clocks may run at different rates.
     """
     notes = [note for content in contents for note in content.notes]
     clock = next((content.clock for content in contents if content.clock is not None), None)
@@ -149,8 +150,8 @@ def _on_one_clock(contents: Sequence[Content]) -> tuple[list[Samples], list[str]
             notes.append(
                 f'{content.channel.name}: moved by {shift} from the clock of reception{rate} to that of the stamps'
             )
-            for some in content.unstamped:
-                content.times[some] -= clock.lag_at(content.times[some]) if drifts else clock.lag
+            for indices in content.unstamped:
+                content.times[indices] -= clock.lag_at(content.times[indices]) if drifts else clock.lag
                 give_back(content.times)
         if clock is not None and content.unstamped and clock.scatter > SCATTER * NANOSECONDS:
             notes.append(

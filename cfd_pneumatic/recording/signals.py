@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a recording holds: signals in SI units, each on its own times.
+Signals of a recording in SI units, each with separate sample times.
 
-A long recording's signals are kept in files. They are arrays like any others; who goes over them by `Signal.parts` or
-`Recording.between` needs memory for a part only.
+The signals of a long recording are arrays in files. A caller that uses `Signal.parts` or `Recording.between` needs
+memory for a part only.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.recording.memory_maps import give_back, parts
 
 GAUGE, ABSOLUTE = 'gauge', 'absolute'
-"""What a pressure may be counted from."""
+"""References of a pressure."""
 
 
 @dataclass(frozen=True, repr=False)
 class Signal:
     """
-    A quantity as it was sampled.
+    Samples of a quantity.
 
     Attributes
     ----------
@@ -32,9 +32,9 @@ class Signal:
     values : (n,) array
         Finite values in SI units.
     unit : str or None
-        Name of the unit in which it was recorded, as a mapping says; None for SI.
+        Name of the recorded unit according to a mapping; None for SI.
     reference : str or None
-        Whether a pressure was recorded as `gauge` or `absolute`, as a mapping says; None where none does.
+        Recorded reference of a pressure according to a mapping, `gauge` or `absolute`; None without a mapping.
 
     """
 
@@ -48,22 +48,22 @@ class Signal:
         return len(self.times)
 
     def __repr__(self) -> str:
-        """Return how many samples there are."""
+        """Return the number of samples as text."""
         return f'<Signal of {len(self):,} samples>'
 
     def parts(self) -> Iterator[Signal]:
-        """Yield the signal piece by piece, in order."""
+        """Yield consecutive parts of the signal."""
         for part in parts(self.times, self.values):
             yield Signal(self.times[part], self.values[part])
 
     def between(self, begin: float, end: float) -> Signal:
-        """Return the samples from `begin` on and before `end` [s], in memory."""
+        """Return the samples from `begin` (included) to `end` (excluded) [s], in memory."""
         return self._copy(int(np.searchsorted(self.times, begin)), int(np.searchsorted(self.times, end)))
 
     def holding_between(self, begin: float, end: float) -> Signal:
-        """Return values that hold until the next: those set between two times [s], and what held at the first."""
-        held = int(np.searchsorted(self.times, begin, side='right')) - 1
-        return self._copy(max(held, 0), int(np.searchsorted(self.times, end)))
+        """Return the samples between two times [s] and the sample that acts at `begin`; values hold until the next."""
+        first = int(np.searchsorted(self.times, begin, side='right')) - 1
+        return self._copy(max(first, 0), int(np.searchsorted(self.times, end)))
 
     def _copy(self, first: int, last: int) -> Signal:
         copy = Signal(self.times[first:last].copy(), self.values[first:last].copy())
@@ -74,15 +74,15 @@ class Signal:
 @dataclass(frozen=True)
 class CylinderSignals:
     """
-    What was recorded of one cylinder.
+    Recorded signals of a cylinder.
 
     Attributes
     ----------
     pressure : Signal
         Absolute pressure [Pa].
     setpoint : Signal or None
-        Absolute set pressure [Pa]: ``values[i]`` acts from ``times[i]`` until ``times[i + 1]``, and neighbours differ.
-        None where it was not recorded.
+        Absolute set pressure [Pa]: ``values[i]`` acts from ``times[i]`` until ``times[i + 1]``; adjacent values differ.
+        None if not recorded.
 
     """
 
@@ -90,6 +90,6 @@ class CylinderSignals:
     setpoint: Signal | None
 
     def between(self, begin: float, end: float) -> CylinderSignals:
-        """Return what lies between two times [s], with the set pressure that acted at the first of them."""
+        """Return the samples between two times [s], including the set pressure that acts at the first time."""
         setpoint = None if self.setpoint is None else self.setpoint.holding_between(begin, end)
         return CylinderSignals(self.pressure.between(begin, end), setpoint)

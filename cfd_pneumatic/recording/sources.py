@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sources: where a recording keeps the numbers of a signal, and what makes SI units of them."""
+"""Sources of signals: the place of a signal's numbers in a recording, and their conversion to SI units."""
 
 from __future__ import annotations
 
@@ -11,43 +11,43 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 
 OTHER = 'other'
-"""Role of a signal that only a mapping knows."""
+"""Role of a signal that only a mapping defines."""
 
 RECEIVE = 'receive'
-"""As a `SignalSource.stamp`: the time of reception, whatever stamps the messages have."""
+"""Value of `SignalSource.stamp` for the time of reception instead of stamps in the messages."""
 
 
 @dataclass(frozen=True)
 class SignalSource:
     """
-    One signal of a recording.
+    Source of a signal in a recording.
 
-    A raw number is ``gain * raw + bias`` in SI units, plus the ambient pressure if it is a `gauge` pressure.
+    The value in SI units is ``gain * raw + bias``, plus the ambient pressure for a `gauge` pressure.
 
     Attributes
     ----------
     role : str
-        What the signal is: a name of `convention.ROLES`, or `OTHER`.
+        Role of the signal: a name of `convention.ROLES`, or `OTHER`.
     cylinder : str or None
-        Whose it is; None for the displacement and the force. The name of a signal in another role.
+        Cylinder of the signal; None for the displacement and the force; the signal's name for the role `OTHER`.
     source : str or int
         Topic of a bag, or column of a table: its name, or its number from 1 on.
     field : str or None
-        Path of the number inside a message; None for the obvious one of a standard type.
+        Path of the number inside a message; None for the main number of a standard type.
     stamp : str or None
-        Path of the time inside a message, or `RECEIVE`; None for the header's stamp where there is a header.
+        Path of the time inside a message, or `RECEIVE`; None for the stamp of the header, if the type has a header.
     stamp_unit : float
         Unit of a stamp that is a plain number [s].
     gain, bias : float
-        Conversion to SI units, with the sign.
+        Signed conversion to SI units.
     unit : str or None
-        Name of the unit in which it is recorded; None for SI.
+        Name of the recorded unit; None for SI.
     gauge : bool
         Whether the number is a pressure above ambient.
     time_offset : float
         Added to the times [s].
     table : str
-        Unit and reference in the table that a bag was made of, as `psi gauge`; empty where it was made of none.
+        Unit and reference in the table from which a bag was made, such as `psi gauge`; empty for other bags.
 
     """
 
@@ -66,11 +66,11 @@ class SignalSource:
 
     @property
     def name(self) -> str:
-        """Name for people: `displacement`, `cylinder_a pressure`."""
+        """Name in messages: `displacement`, `cylinder_a pressure`."""
         return ' '.join(word for word in (self.cylinder, self.role) if word not in (None, OTHER))
 
     def si(self, raw: Array, ambient_pressure: float) -> Array:
-        """Return raw numbers in SI units; pressures come out absolute, and what is too large infinite."""
+        """Convert raw numbers to SI units, and pressures to absolute pressures; an overflow gives infinity."""
         with np.errstate(over='ignore', invalid='ignore'):
             return self.gain * raw + (self.bias + (ambient_pressure if self.gauge else 0.0))
 
@@ -78,7 +78,7 @@ class SignalSource:
 @dataclass(frozen=True)
 class Samples:
     """
-    What a source holds for a channel, as found: unsorted, in the channel's own units.
+    Raw samples of a channel: unsorted, in the recorded unit.
 
     Attributes
     ----------

@@ -19,34 +19,33 @@ from cfd_pneumatic.recording.table_numbers import numbers_of
 from cfd_pneumatic.recording.table_rows import columns_of, encoding_of, rows_of
 
 _MAX_TIME = 1e11
-"""Seconds beyond which a time is an input error: 3,000 years. Days of MATLAB and ticks of .NET count from year 0 on."""
+"""Largest time [s]: 3,000 years, since days of MATLAB and ticks of .NET count from year 0. Larger times are errors."""
 
 _LATEST = 2**31
-"""Seconds that a stamp cannot hold: days of a spreadsheet count from 1900 on."""
+"""Time that exceeds a stamp [s]: days of a spreadsheet count from 1900 on."""
 
 _MOST_SPAN = 2**62 / NANOSECONDS
-"""Seconds from the first row to another one beyond which a time is an input error."""
+"""Largest time span of a table [s]; a larger span is an input error."""
 
 _COUNTER_SIZES = (2.0**16, 2.0**32)
-"""Numbers of values that a counter of 16 or 32 bits has."""
+"""Number of values of a counter with 16 or 32 bits."""
 
 _LONGEST_STEP = 10.0
-"""Usual steps within which a counter goes on after it has begun again."""
+"""Largest step of a counter at its wrap, as a multiple of the usual step."""
 
-_MOST_ALIKE = 0.1  # share of rows with the time of another
+_MOST_ALIKE = 0.1  # share of rows with a repeated time
 
 
 def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]) -> tuple[list[Samples], list[str]]:
     """
-    Return what a table holds for some channels, in their order, and what was amiss.
+    Return the samples of given channels in a table, in the order of the channels, and notes on defects.
 
-    Times below zero, as a trigger makes them, are moved up so that the table begins at zero.
+    If there are times below zero, as a trigger produces, all times are shifted so that the table begins at zero.
 
     Raises
     ------
     InputError
-        If the file can't be read, isn't all numbers in the wanted columns, lacks a column, or has rows of different
-        lengths.
+        If the file cannot be read, has a text in place of a number, lacks a column, or has rows of different lengths.
 
     """
     encoding = encoding_of(path)
@@ -99,10 +98,10 @@ def read_table(path: Path, layout: TableFormat, channels: Sequence[SignalSource]
 
 def _unwrapped(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
     """
-    Return times as the column counts them, without the jumps back of a counter that begins again.
+    Return the column's times without the backward jumps of a counter that wraps.
 
-    The counter has 16 or 32 bits or counts the time of the day. A jump back counts as its end only if the next number
-    then continues the numbers before, so that a clock that was set back is not taken for one.
+    The counter has 16 or 32 bits or counts the time of the day. A backward jump is a wrap only if the unwrapped numbers
+    continue the previous numbers; a clock that was set back does not continue them.
     """
     with np.errstate(over='ignore'):
         steps = np.diff(counts)
@@ -119,7 +118,7 @@ def _unwrapped(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
 
 
 def _seconds(counts: Array, layout: TableFormat, notes: list[str]) -> Array:
-    """Return times as the column counts them in seconds, from the first row on if no stamp can hold them."""
+    """Convert the column's times to seconds, counted from the first row if a stamp cannot hold them."""
     unit = layout.time_unit or 1.0
     with np.errstate(over='ignore'):
         seconds = (layout.time_scale * counts + layout.time_offset) * unit

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a table is laid out, as a mapping file describes it."""
+"""Layout of a table according to a mapping file."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ DAY = 86_400  # seconds
 @dataclass(frozen=True)
 class TableFormat:
     """
-    How a table is laid out.
+    Layout of a table.
 
     Attributes
     ----------
     time : str, int or None
-        Column of the time: its name, or its number from 1 on; None where samples come at a fixed period.
+        Column of the time: its name, or its number from 1 on; None for a fixed sample period.
     time_unit : float or None
-        Unit of the time [s]; None where the column holds dates, or times of the day.
+        Unit of the time [s]; None for a column of dates or of times of the day.
     time_scale, time_offset : float
-        Time in that unit for one of the column's numbers, and what is added then.
+        Factor from the column's numbers to that unit, and offset that is added afterwards.
     time_thousands : str
-        What groups the digits of the time; empty where nothing does.
+        Character that groups the digits of the time; empty if there is none.
     sample_period : float
-        Time between rows where no column holds it [s].
+        Time between rows if no column has the time [s].
     thousands : str
-        What groups the digits of the other numbers by threes; empty where nothing does.
+        Character that groups the digits of the other numbers by threes; empty if there is none.
     delimiter : str or None
-        Between columns; None for white space.
+        Character between columns; None for white space.
     decimal : str
-        Before the fraction of a number.
+        Character before the fraction of a number.
     header_rows : int
-        Rows above the samples; the last one with all names that are asked for names the columns.
+        Rows above the samples. The last row with all wanted names gives the names of the columns.
     skip_rows : int
-        Samples to drop at the beginning.
+        Samples that are dropped at the beginning.
 
     """
 

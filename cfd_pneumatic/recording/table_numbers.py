@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of the texts in a table: decimal and thousands characters, dates, and what programs write for no number."""
+"""Parse the texts of a table: numbers with decimal and thousands characters, dates, and missing values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MISSING = {
     *('', '-', 'nan', '+nan', '-nan', 'na', 'n/a', '<na>', '#n/a', '#na', '#n/a n/a', 'null', 'none'),
     *('#div/0!', '#value!', '#num!', '#ref!', '#name?', '#null!'),
 }
-"""What stands where there is no number, in lower case: of spreadsheets and of databases."""
+"""Texts for a missing number in spreadsheets and databases, in lower case."""
 
 _NAN_OF_C = re.compile(r'[+-]?1\.#[A-Z]+0*', re.ASCII | re.IGNORECASE)
 """Text that C of Windows prints for nan and infinity, with zeros up to the number of digits."""
@@ -44,15 +44,15 @@ _MARKS = {'.': 'point', ',': 'comma', ' ': 'space', "'": 'apostrophe'}
 """Names in a mapping of the characters inside of numbers."""
 
 _GROUPED = re.compile(r"[+-]?\d{1,3}([., '])\d{3}(?:\1\d{3})*(?:(?!\1)([.,])\d*)?", re.ASCII)
-"""A number whose digits a character groups by threes: that character and the decimal one."""
+"""A number with digits grouped by threes: the grouping character and the decimal character."""
 
-_BLOCK = 20_000  # rows whose numbers are made at once
+_BLOCK = 20_000  # rows that are parsed together
 
 _DATE = re.compile(
     r'(?:(\d{4})-(\d\d)-(\d\d)[ T])?(\d\d?):(\d\d):(\d\d(?:[.,]\d+)?) ?(?:Z|([+-])(\d\d):?(\d\d))?', re.ASCII
 )
 
-_DATES = 'times are to be such as 2024-05-01 12:00:00.25 or 12:00:00.25'
+_DATES = 'times must be such as 2024-05-01 12:00:00.25 or 12:00:00.25'
 
 _BEFORE_EPOCH = date(1970, 1, 1).toordinal()
 
@@ -64,52 +64,52 @@ def numbers_of(rows: Iterator[Row], layout: TableFormat, columns: Sequence[int])
     while block := list(islice(rows, _BLOCK)):
         texts = zip(*(row.fields for row in block))
         blocks.append(np.empty((len(block), len(columns))))
-        for index, (own, parse) in enumerate(zip(texts, parsers)):
+        for index, (column_texts, parser) in enumerate(zip(texts, parsers)):
             try:
-                blocks[-1][:, index] = parse.all(own)
+                blocks[-1][:, index] = parser.parse_all(column_texts)
             except ValueError:
-                blocks[-1][:, index] = _one_by_one(
-                    parse, own, block, columns[index], layout, is_time=_is_time(index, layout)
+                blocks[-1][:, index] = _parse_singly(
+                    parser, column_texts, block, columns[index], layout, is_time=_is_time(index, layout)
                 )
     return np.concatenate(blocks)
 
 
 def _is_time(index: int, layout: TableFormat) -> bool:
-    """Return whether a wanted column is the time, which comes first if a column has it."""
+    """Return whether a wanted column is the time, which is the first column if the table has one."""
     return index == 0 and layout.time is not None
 
 
-def _one_by_one(
-    parse: _Parser, texts: Sequence[str], block: Sequence[Row], column: int, layout: TableFormat, *, is_time: bool
+def _parse_singly(
+    parser: _Parser, texts: Sequence[str], block: Sequence[Row], column: int, layout: TableFormat, *, is_time: bool
 ) -> list[float]:
-    """Return the numbers of a column, nan where there is none; refuse what is no number by its line."""
-    found = []
+    """Return the numbers of a column, nan for missing numbers; report the line of any other text."""
+    numbers = []
     for row, text in zip(block, texts):
         try:
-            found.append(parse.one(text.strip()))
+            numbers.append(parser.parse(text.strip()))
         except ValueError as error:
-            dated = isinstance(error, _DateError)
-            fix = str(error) if dated else _fix_of(text.strip(), row.line, layout, is_time=is_time)
-            where = f'line {row.line}, column {column + 1} holds {quoted(text)}'
-            raise InputError(f'cannot be read as a table of numbers: {where}; {fix}') from error
-    return found
+            is_date = isinstance(error, _DateError)
+            fix = str(error) if is_date else _fix_of(text.strip(), row.line, layout, is_time=is_time)
+            position = f'line {row.line}, column {column + 1} holds {quoted(text)}'
+            raise InputError(f'cannot be read as a table of numbers: {position}; {fix}') from error
+    return numbers
 
 
 class _Parser:
-    """Makes numbers of texts."""
+    """Parser of texts as numbers."""
 
-    def all(self, texts: Sequence[str]) -> Array:
-        """Return the numbers of texts that are all plain; raise ValueError if one is not."""
+    def parse_all(self, texts: Sequence[str]) -> Array:
+        """Return the numbers of plain texts; raise ValueError if a text is not plain."""
         raise ValueError
 
-    def one(self, text: str) -> float:
-        """Return the number of a text, nan of one that says that there is none; raise ValueError if it is no number."""
+    def parse(self, text: str) -> float:
+        """Return the number of a text, nan for a missing number; raise ValueError for any other text."""
         raise NotImplementedError
 
 
 class _NumberParser(_Parser):
     def __init__(self, decimal: str, thousands: str, *, anywhere: bool = False) -> None:
-        """Take what groups digits for that by threes only, or anywhere."""
+        """Accept the thousands character between groups of three digits only, or anywhere."""
         thousands = thousands.translate(_TYPOGRAPHIC)
         self._decimal, self._thousands, self._anywhere = decimal, thousands, anywhere
         mark = re.escape(thousands)
@@ -117,7 +117,7 @@ class _NumberParser(_Parser):
             re.compile(rf'[+-]?\d{{1,3}}(?:{mark}\d{{3}})+(?!\d)[^{mark}]*', re.ASCII) if thousands else None
         )
 
-    def all(self, texts: Sequence[str]) -> Array:
+    def parse_all(self, texts: Sequence[str]) -> Array:
         joined = '\n'.join(texts)
         if '_' in joined or not joined.isascii() or self._thousands:
             raise ValueError
@@ -127,7 +127,7 @@ class _NumberParser(_Parser):
             texts = joined.replace(',', '.').split('\n')
         return np.array(texts, dtype=float)
 
-    def one(self, text: str) -> float:
+    def parse(self, text: str) -> float:
         text = text.translate(_TYPOGRAPHIC)
         if text.lower() in _MISSING or _NAN_OF_C.fullmatch(text):
             return math.nan
@@ -139,7 +139,7 @@ class _NumberParser(_Parser):
 
 
 class _DateParser(_Parser):
-    def one(self, text: str) -> float:
+    def parse(self, text: str) -> float:
         return math.nan if text.lower() in _MISSING else seconds_of(text)
 
 
@@ -152,7 +152,7 @@ def _parser(layout: TableFormat, *, is_time: bool) -> _Parser:
 
 
 class _DateError(ValueError):
-    """A text is no date."""
+    """A text is not a date."""
 
 
 def seconds_of(text: str) -> float:
@@ -164,13 +164,13 @@ def seconds_of(text: str) -> float:
     Raises
     ------
     ValueError
-        If it is neither.
+        If the text is neither.
 
     """
-    found = _DATE.fullmatch(text.strip().strip('"'))
-    if not found:
+    match = _DATE.fullmatch(text.strip().strip('"'))
+    if not match:
         raise _DateError(_DATES)
-    year, month, day, hours, minutes, seconds, sign, *zone = found.groups()
+    year, month, day, hours, minutes, seconds, sign, *zone = match.groups()
     try:
         days = date(int(year), int(month), int(day)).toordinal() - _BEFORE_EPOCH if year else 0
     except ValueError as error:
@@ -180,7 +180,7 @@ def seconds_of(text: str) -> float:
 
 
 def _fix_of(text: str, line: int, layout: TableFormat, *, is_time: bool) -> str:
-    """Return what to change if a cell is not a number."""
+    """Return advice for a cell that is not a number."""
     text = text.translate(_TYPOGRAPHIC)
     if _DATE.fullmatch(text):
         return 'if it is the time, `unit: date` reads it'
@@ -192,12 +192,12 @@ def _fix_of(text: str, line: int, layout: TableFormat, *, is_time: bool) -> str:
     if re.match(r'[^\w"]*\d', text):
         return f'write the number alone, without a unit or another mark, or {CHECK}'
     if line == layout.header_rows + 1:
-        return f'if names or units stand there, `table` needs `header_rows: {line}`; or {CHECK}'
+        return f'if the line has names or units, `table` needs `header_rows: {line}`; or {CHECK}'
     return f'write nan where there is no value, or {CHECK}'
 
 
 def _grouping_advice(text: str, decimal: str, *, is_time: bool) -> list[str]:
-    """Return which keys read a number if a character groups its digits by threes; empty if none does."""
+    """Return the keys to set for a number with digits grouped by threes; empty for another text."""
     grouped = _GROUPED.fullmatch(text)
     if not grouped:
         return []
@@ -209,8 +209,8 @@ def _grouping_advice(text: str, decimal: str, *, is_time: bool) -> list[str]:
 
 
 def _decimal_advice(text: str, decimal: str) -> list[str]:
-    """Return which key reads a number with the other decimal character; empty if the number has none."""
-    other = ',' if decimal == '.' else '.'
-    if not re.fullmatch(rf'[+-]?\d*{re.escape(other)}\d+(?:[Ee][+-]?\d+)?', text, re.ASCII):
+    """Return the key to set for a number with the alternative decimal character; empty for another text."""
+    alternative = ',' if decimal == '.' else '.'
+    if not re.fullmatch(rf'[+-]?\d*{re.escape(alternative)}\d+(?:[Ee][+-]?\d+)?', text, re.ASCII):
         return []
-    return [f'if that is a decimal {_MARKS[other]}, `table` needs `decimal: {_MARKS[other]}`']
+    return [f'if that is a decimal {_MARKS[alternative]}, `table` needs `decimal: {_MARKS[alternative]}`']

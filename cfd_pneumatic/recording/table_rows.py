@@ -19,23 +19,23 @@ from cfd_pneumatic.recording.message_texts import count_of
 from cfd_pneumatic.recording.table_format import CHECK, TableFormat
 
 _LONGEST_LINE = 2**24
-"""Characters of a line beyond which a file is no table."""
+"""Longest line of a table [characters]."""
 
 _LONGEST_NAME = 40
 """Characters of a column's name that are compared."""
 
 _MOST_NAMES = 1_000
-"""Columns among which one of a similar name is looked for."""
+"""Number of columns that are searched for a similar name."""
 
-_LOOKED_AT = 2**16
-"""Bytes that tell how a file is encoded."""
+_HEAD = 2**16
+"""Bytes that determine the encoding of a file."""
 
 _MOST_ASCII = 0.9
 """Share of characters below U+0100 above which bytes without a byte order mark are text in UTF-16."""
 
 
 class Row(NamedTuple):
-    """What a row holds in the wanted columns, and the number of its line."""
+    """Fields of a row in the wanted columns, and the row's line number."""
 
     line: int
     fields: list[str]
@@ -44,7 +44,7 @@ class Row(NamedTuple):
 def columns_of(
     path: Path, encoding: str, layout: TableFormat, columns: Sequence[tuple[str, str | int]]
 ) -> tuple[list[int], list[str]]:
-    """Return where the columns of signals are, from 0 on, and the names of all columns where the header has them."""
+    """Return the positions of the signals' columns, from 0 on, and the names of all columns in the header."""
     try:
         with TextIOWrapper(open_input(path), encoding, newline='') as stream:
             head = list(islice(_lines(stream), layout.header_rows + 1))
@@ -56,7 +56,7 @@ def columns_of(
     wanted = {column for _, column in columns if isinstance(column, str)}
     rows = [_names(line, layout) for line in reversed(head[:-1])]
     last = rows[0] if rows else []
-    names = next((row for row in rows if wanted <= {*row}), last) if wanted else last  # units may stand below them
+    names = next((row for row in rows if wanted <= {*row}), last) if wanted else last  # a row of units may follow
     positions = [_position(signal, column, names, width) for signal, column in columns]
     if not wanted and (layout.delimiter is None or len(names) == 1):
         names = []  # perhaps a line of text
@@ -69,9 +69,9 @@ def rows_of(
     """
     Yield the rows of samples below the header.
 
-    Each has as many fields as the first row or as the header has names, or a number between. Lines that begin with #
-    are comments. A last row without a line end is left out, and noted: a logger that is switched off may cut a number
-    anywhere.
+    The number of a row's fields is between that of the first row and that of the header's names. Lines that begin with
+    # are comments. A last row without a line end is dropped, with a note: a logger that is switched off may have cut a
+    number.
     """
     with TextIOWrapper(open_input(path), encoding, newline='') as stream:
         lines = _NumberedLines(stream, notes, layout.header_rows)
@@ -82,7 +82,7 @@ def rows_of(
                 if names and len(fields) > len(names):
                     most = len(names)
             while len(fields) > most and not fields[-1].strip():
-                del fields[-1]  # empty ones at the end are none
+                del fields[-1]  # empty fields at the end do not count
             if not max(least, max(columns) + 1) <= len(fields) <= most:
                 known = f'the header has {len(names)} names' if names else f'the first row has {most}'
                 text = quoted((layout.delimiter or ' ').join(fields))
@@ -92,7 +92,7 @@ def rows_of(
 
 
 class _NumberedLines:
-    """The lines of a file below its header, without comments and without a last one that has no end."""
+    """Lines of a file below its header, without comments and without a last line that has no line end."""
 
     def __init__(self, stream: TextIO, notes: list[str], header_rows: int) -> None:
         self.number = header_rows
@@ -115,7 +115,7 @@ class _NumberedLines:
 
 
 def _fields(lines: Iterator[str], delimiter: str | None) -> Iterator[list[str]]:
-    """Yield the fields of each row that has some."""
+    """Yield the fields of each row that is not empty."""
     rows = (
         (line.split() for line in lines)
         if delimiter is None
@@ -127,9 +127,9 @@ def _fields(lines: Iterator[str], delimiter: str | None) -> Iterator[list[str]]:
 
 
 def encoding_of(path: Path) -> str:
-    """Return how a file of text is encoded, as far as its beginning tells."""
+    """Return the encoding of a text file, determined from its beginning."""
     with open_input(path) as stream:
-        head = stream.read(_LOOKED_AT)
+        head = stream.read(_HEAD)
     if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return 'utf-16'
     if 0 not in head[::2] and head[1::2].count(0) > _MOST_ASCII * len(head[1::2]):
@@ -183,18 +183,18 @@ def _position(signal: str, column: str | int, names: Sequence[str], width: int) 
     if names.count(column) > 1:
         raise InputError(
             f'has {names.count(column)} columns of the name that the mapping gives for the {signal}: '
-            'give the number of the one that is meant'
+            'give the number of the column'
         )
     return names.index(column)
 
 
 def _advice(column: str, names: Sequence[str]) -> str:
-    """Return what to do where a table has no column of a name; of its names the most similar one is shown."""
+    """Return advice for a missing column name, with the most similar name of the table."""
     if not names:
         return 'for columns by name set header_rows in the mapping'
     if len(names) == 1:
         return 'its header has one name; check the delimiter in the mapping'
     shown = {name[:_LONGEST_NAME].lower(): name for name in reversed(names[:_MOST_NAMES])}
-    (found,) = get_close_matches(column[:_LONGEST_NAME].lower(), shown, n=1, cutoff=0.0)
-    nearest = shown[found]
+    (match,) = get_close_matches(column[:_LONGEST_NAME].lower(), shown, n=1, cutoff=0.0)
+    nearest = shown[match]
     return f'of its {len(names):,} columns {quoted(nearest)} is the nearest; a column may be given by its number, too'

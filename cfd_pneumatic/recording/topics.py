@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finding our convention's topics in a bag."""
+"""Find the topics of our convention in a bag."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from cfd_pneumatic.recording.sources import SignalSource
 
 def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> list[SignalSource]:
     """
-    Return the channels that a bag in our convention has.
+    Return the channels of a bag in our convention.
 
     Parameters
     ----------
     topics : Mapping
         The bag's topics.
     namespace : str or None
-        Namespace to look in; None if there is but one that fits.
+        Namespace of the topics; None if only one namespace fits.
 
     Raises
     ------
     InputError
-        If no namespace fits, several do and none is chosen, or a topic has another type than the convention's.
+        If no namespace fits, several fit and none is chosen, or a topic's type differs from the convention.
 
     """
-    chosen = _choose(topics, namespace)
+    chosen = _choose_namespace(topics, namespace)
     channels = [
         _channel(topics, chosen, role, cylinder)
         for role in ROLES.values()
@@ -41,7 +41,7 @@ def convention_channels(topics: Mapping[str, Topic], namespace: str | None) -> l
 
 
 def resolve(namespace: str | None, topic: str) -> str:
-    """Return a topic's full name; one that begins with a slash is full already."""
+    """Return a topic's full name; a topic that begins with a slash is already full."""
     return topic if topic.startswith('/') else f'{_normalise(namespace or "")}/{topic}'
 
 
@@ -50,16 +50,16 @@ def list_topics(topics: Mapping[str, Topic]) -> str:
     return listed([f'{name} ({topics[name].msgtype})' for name in sorted(topics)])
 
 
-def _choose(topics: Mapping[str, Topic], namespace: str | None) -> str:
+def _choose_namespace(topics: Mapping[str, Topic], namespace: str | None) -> str:
     fitting = sorted(_fitting(topics))
     pressures = ' or '.join(map(pressure_topic, CYLINDERS))
     if namespace is not None:
         chosen = _normalise(namespace)
         if chosen in fitting:
             return chosen
-        others = f'; namespaces that do: {_list(fitting)}' if fitting else ''
+        alternatives = f'; namespaces that do: {_list(fitting)}' if fitting else ''
         raise InputError(
-            f'no {pressures} in the namespace {chosen or "/"}{others}; the topics are {list_topics(topics)}'
+            f'no {pressures} in the namespace {chosen or "/"}{alternatives}; the topics are {list_topics(topics)}'
         )
     if not fitting:
         raise InputError(f'no {pressures}: give a mapping file for the topics that there are: {list_topics(topics)}')
@@ -69,7 +69,7 @@ def _choose(topics: Mapping[str, Topic], namespace: str | None) -> str:
 
 
 def _fitting(topics: Iterable[str]) -> set[str]:
-    """Return the namespaces with a pressure; where there are such, only those with a displacement, too."""
+    """Return the namespaces with a pressure and a displacement; if there are none, all with a pressure."""
     names = set(topics)
     ends = [f'/{pressure_topic(cylinder)}' for cylinder in CYLINDERS]
     measured = {name.removesuffix(end) for name in names for end in ends if name.endswith(end)}

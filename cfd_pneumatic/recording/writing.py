@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing a recording as a bag in our convention."""
+"""Write a recording as a bag in our convention."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NAMESPACE = re.compile(r'/?|/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*/
 _LONGEST_NAMESPACE = 200  # characters
 
 _LAST_STAMP = 2**31
-"""Seconds that a stamp can't hold any more."""
+"""Time from which on a stamp overflows [s]."""
 
 
 def write_recording(
@@ -39,29 +39,29 @@ def write_recording(
     """
     Write a recording as a bag in our convention.
 
-    In which units a mapping said a table to be stands in the bag's metadata.
+    The bag's metadata document the units of the table from which the recording was read.
 
     Parameters
     ----------
     path : Path or str
         Folder of the bag.
     recording : Recording
-        What to write.
+        Recording to write.
     namespace : str
         Namespace of the topics.
     storage : str
         `mcap` or `sqlite3`.
     ambient_pressure : float
-        What the set-points, which are gauge pressures in a bag, are above [Pa].
+        Ambient pressure, which is subtracted from the set-points: a bag has gauge set-points [Pa].
     joint : str
         Name of the piston in JointState.
     overwrite : bool
-        Whether a bag that is there may be replaced.
+        Whether to replace an existing bag.
 
     Raises
     ------
     InputError
-        If the bag can't be written, the recording's times don't fit a message, or ROS 2 has no such namespace.
+        If the bag cannot be written, the recording's times do not fit a stamp, or the namespace is not valid in ROS 2.
 
     """
     check_path('path', path)
@@ -76,21 +76,21 @@ def write_recording(
     with BagWriter(path, storage=storage, overwrite=overwrite) as bag:
         bag.write_streams(list(streams_of(recording, namespace, ambient_pressure, joint)))
         for role, cylinder, signal in recording.signals():
-            if role in ROLES and signal.unit is not None:  # so that a mistake in it is told of the bag, too
-                said = f'{signal.unit} {signal.reference or ""}'.strip()
-                bag.remark(resolve(namespace, ROLES[role].topic_of(cylinder)), said)
+            if role in ROLES and signal.unit is not None:  # so that the checks of units also apply to the bag
+                unit = f'{signal.unit} {signal.reference or ""}'.strip()
+                bag.remark(resolve(namespace, ROLES[role].topic_of(cylinder)), unit)
 
 
 def streams_of(
     recording: Recording, namespace: str, ambient_pressure: float, joint: str = PISTON_JOINT
 ) -> Iterator[Stream]:
     """
-    Yield what is written of a recording, at topics in a namespace; of signals that only a mapping knows nothing.
+    Yield the streams of a recording on topics in a namespace, except signals that only a mapping defines.
 
-    What is held comes first: at equal times before the samples that it acts on.
+    Set-points come first, so that at equal times a set-point precedes the samples on which it acts.
     """
     known = [(ROLES[role], cylinder, signal) for role, cylinder, signal in recording.signals() if role in ROLES]
-    for role, cylinder, signal in sorted(known, key=lambda one: not one[0].held):
+    for role, cylinder, signal in sorted(known, key=lambda entry: not entry[0].held):
         yield Stream(
             resolve(namespace, role.topic_of(cylinder)),
             Form(role.msgtype, joint=joint),
@@ -101,12 +101,12 @@ def streams_of(
 
 def stamps_of(recording: Recording, times: Array) -> NDArray[np.int64]:
     """
-    Return the stamps of times of a recording [ns].
+    Return the stamps of a recording's times [ns].
 
     Raises
     ------
     InputError
-        If they don't fit a message.
+        If a time does not fit a stamp.
 
     """
     stamps = recording.epoch + np.rint(times * NANOSECONDS).astype(np.int64)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start programs and child processes, compile the kernels and keep their code, and share work among threads."""
+"""Start programs and child processes, compile kernels and keep their machine code, and share work among threads."""
 
 from __future__ import annotations
 

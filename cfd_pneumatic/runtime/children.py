@@ -2,8 +2,8 @@
 """
 Start Python processes that import nothing from the working folder.
 
-Python looks there first if it is started with `-c` or `-m`. Whoever put a file named `numpy.py` into that folder would
-run code in the child.
+Python searches the working folder first if it is started with `-c` or `-m`. A file named `numpy.py` in that folder
+would run in the child process.
 """
 
 from __future__ import annotations
@@ -18,23 +18,25 @@ from typing import Any
 
 from cfd_pneumatic.runtime.start import absolute_python_path
 
-_DROP = 'import sys; sys.path[:] = filter(None, sys.path); '  # an empty entry is the working folder
-_IMPORT = f'sys.path.insert(0, {str(Path(__file__).parents[2])!r}); import cfd_pneumatic; del sys.path[0]; '
-"""Imports the package from where it is, whether or not Python would find it, or another version of it, by itself."""
+_DROP_WORKING_FOLDER = 'import sys; sys.path[:] = filter(None, sys.path); '  # an empty entry is the working folder
+_IMPORT_PACKAGE = f'sys.path.insert(0, {str(Path(__file__).parents[2])!r}); import cfd_pneumatic; del sys.path[0]; '
+"""Code that imports this package from its folder, even if Python would not find it or would find another version."""
 
 _spawn = util.spawnv_passfds
 
 
 def start_python(code: str, *arguments: str, **options: Any) -> subprocess.Popen[Any]:
     """
-    Start Python with code and arguments, in a session of its own: an interrupt at the terminal does not reach it.
+    Start Python in a new session, which an interrupt at the terminal does not reach.
 
     Parameters
     ----------
-    code, arguments
-        What Python runs, and what `sys.argv` holds from its second place on.
+    code
+        Code that Python runs.
+    arguments
+        Arguments of the code: `sys.argv[1:]`.
     options
-        Those of `subprocess.Popen`, except that `env` is added to this process's environment.
+        Options of `subprocess.Popen`; `env` is added to this process's environment.
 
     Raises
     ------
@@ -43,12 +45,12 @@ def start_python(code: str, *arguments: str, **options: Any) -> subprocess.Popen
 
     """
     environment = os.environ | options.pop('env', {}) | {'PYTHONPATH': absolute_python_path()}
-    command = [sys.executable, '-c', _DROP + _IMPORT + code, *arguments]
+    command = [sys.executable, '-c', _DROP_WORKING_FOLDER + _IMPORT_PACKAGE + code, *arguments]
     return subprocess.Popen(command, env=environment, start_new_session=True, **options)
 
 
 def guard_multiprocessing() -> None:
-    """Let what `multiprocessing` starts from now on, also for Dask, import nothing from the working folder."""
+    """Prevent processes that `multiprocessing` or Dask starts from importing from the working folder."""
     if sys.version_info >= (3, 11):
         os.environ['PYTHONSAFEPATH'] = '1'
     else:
@@ -56,6 +58,8 @@ def guard_multiprocessing() -> None:
 
 
 def _spawn_guarded(path: bytes, arguments: Sequence[str], descriptors: Sequence[int]) -> int:
-    """Start Python as `multiprocessing` does, with code that begins as that of `start_python`."""
-    place = arguments.index('-c') + 1
-    return _spawn(path, [*arguments[:place], _DROP + arguments[place], *arguments[place + 1 :]], descriptors)
+    """Start Python as `multiprocessing` does, without the working folder in the import path."""
+    index = arguments.index('-c') + 1
+    return _spawn(
+        path, [*arguments[:index], _DROP_WORKING_FOLDER + arguments[index], *arguments[index + 1 :]], descriptors
+    )

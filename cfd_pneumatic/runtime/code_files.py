@@ -2,8 +2,8 @@
 """
 Files of code that programs keep for their next start: machine code and compiled templates.
 
-Such code runs with the rights of the user who starts a program. It is used only if nobody but this user and root can
-write to its folder and its file. A checksum detects files that a power cut left empty or in part.
+Such code runs with the rights of the user who starts a program. A program uses the code only if no users except this
+user and root can write to its folder and its file. A checksum detects files that are incomplete after a power cut.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from pathlib import Path
 from cfd_pneumatic.errors import printable
 
 _CHECKSUM = 4  # length of a CRC-32 [bytes]
-_LARGEST = 2**26  # of a file [bytes]; the model's have a thousandth of that
+_LARGEST = 2**26  # size of a file [bytes]; the model's files have a thousandth of that
 _ACCESS_LIST = 'system.posix_acl_access'
-_MODE = 0o755  # of new folders; the user's umask may take away more
+_MODE = 0o755  # rights of new folders; the user's umask may remove more
 
 WARNED_FOLDER = 'CFD_PNEUMATIC_WARNED_FOLDER'
-"""Environment variable: a folder in which processes that work together note of what they have warned."""
+"""Environment variable: a folder in which cooperating processes record the kinds of warnings that they logged."""
 
 _warned: set[str] = set()
 
 
 def warn_once(kind: str, message: str) -> None:
-    """Log a warning, the first time that there is one of its kind. Programs print it on standard error."""
+    """Log a warning unless its kind was logged before. Programs print the warning on standard error."""
     if kind not in _warned:
         _warned.add(kind)
-        if _is_first_of_all(kind):
+        if _is_first_process(kind):
             logging.getLogger(__name__).warning(printable(message))
 
 
-def _is_first_of_all(kind: str) -> bool:
-    """Return whether no other process noted in the common folder, if there is one, that it logs such a warning."""
+def _is_first_process(kind: str) -> bool:
+    """Return whether no cooperating process has logged a warning of this kind; record that this process logs it."""
     try:
         if WARNED_FOLDER in os.environ:
             Path(os.environ[WARNED_FOLDER], f'warned-{kind}').touch(exist_ok=False)
@@ -53,7 +53,7 @@ def _is_first_of_all(kind: str) -> bool:
 
 
 def has_warned(kind: str) -> bool:
-    """Return whether there was a warning of a kind."""
+    """Return whether a warning of a kind was logged."""
     return kind in _warned
 
 
@@ -62,37 +62,37 @@ def is_trusted(folder: Path) -> bool:
     """
     Return whether only this user and root can write to a folder; warn once if others can.
 
-    The folder above must be as safe, and nobody else may exchange one of those above it: its owner is this user or
-    root, and others cannot write to it unless it is sticky. Of a `__pycache__` only the folder itself is examined: who
-    can exchange it can also exchange the source code beside it.
+    The parent folder must be equally safe. The folders above the parent must belong to this user or root, and must
+    be sticky if others can write to them. For a `__pycache__` only the folder itself is checked: a user who can
+    exchange the folder can also exchange the source code next to it.
     """
     try:
-        reason = _distrust(folder.resolve())
+        reason = _distrust_reason(folder.resolve())
     except OSError:
         return False
     if reason:
         warn_once(
             'untrusted',
-            f'The cache {folder} is not used: {reason}, and its code would run with your rights. Take the permission '
-            'away, delete the folder, or name another one in NUMBA_CACHE_DIR.',
+            f'The cache {folder} is not used: {reason}. Its code would run with your rights. Remove the write '
+            'permission, delete the folder, or name another folder in NUMBA_CACHE_DIR.',
         )
     return not reason
 
 
-def _distrust(folder: Path) -> str:
-    """Return who else can change what a folder holds, or ''."""
-    above = [] if folder.name == '__pycache__' else list(folder.parents)
-    for place in (folder, *above):
-        state = place.stat()
-        is_only_passed = place in above[1:] and state.st_mode & stat.S_ISVTX
-        reason = _stranger(place, state, may_be_written=bool(is_only_passed))
+def _distrust_reason(folder: Path) -> str:
+    """Return a sentence on another user who can change the content of a folder; '' if there is none."""
+    parents = [] if folder.name == '__pycache__' else list(folder.parents)
+    for path in (folder, *parents):
+        state = path.stat()
+        may_be_written = path in parents[1:] and state.st_mode & stat.S_ISVTX
+        reason = _foreign_access(path, state, may_be_written=bool(may_be_written))
         if reason:
             return reason
     return ''
 
 
-def _stranger(path: Path, state: os.stat_result, may_be_written: bool = False) -> str:
-    """Return who besides this user and root owns a file or folder, or can write to it; or ''."""
+def _foreign_access(path: Path, state: os.stat_result, may_be_written: bool = False) -> str:
+    """Return a sentence on another user, not root, who owns or can write to a file or folder; '' if there is none."""
     if state.st_uid not in (0, os.geteuid()):
         return f'{path} belongs to another user'
     if may_be_written:
@@ -101,7 +101,7 @@ def _stranger(path: Path, state: os.stat_result, may_be_written: bool = False) -
         return f'every user can write to {path}'
     if state.st_mode & stat.S_IWGRP and not _is_private(state.st_gid):
         return f'other users of its group can write to {path}'
-    if state.st_mode & stat.S_IWGRP and _has_access_list(path):  # then the bit speaks for whoever is in it
+    if state.st_mode & stat.S_IWGRP and _has_access_list(path):  # with a list, the group bit is the list's mask
         return f'an access control list may let others write to {path}'
     return ''
 
@@ -109,31 +109,31 @@ def _stranger(path: Path, state: os.stat_result, may_be_written: bool = False) -
 def _has_access_list(path: Path) -> bool:
     try:
         return _ACCESS_LIST in os.listxattr(path)
-    except OSError:  # a file system without
+    except OSError:  # a file system without access control lists
         return False
 
 
 def _is_private(group: int) -> bool:
-    """Return whether a group is root's, or has the user's own name, and has no other member."""
+    """Return whether a group is root's or has the name of the user, and has no further member."""
     try:
-        found, user = grp.getgrgid(group), pwd.getpwuid(os.geteuid()).pw_name
+        entry, user = grp.getgrgid(group), pwd.getpwuid(os.geteuid()).pw_name
     except KeyError:
         return group == 0
-    return (group == 0 or found.gr_name == user) and set(found.gr_mem) <= {user, 'root'}
+    return (group == 0 or entry.gr_name == user) and set(entry.gr_mem) <= {user, 'root'}
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, and those above it, to which only the user can write."""
+    """Make a folder and its missing parents, with write permission for the user only."""
     if not folder.is_dir():
         make_folder(folder.parent)
         folder.mkdir(_MODE, exist_ok=True)
 
 
 def read(path: Path) -> bytes | None:
-    """Return what `write` wrote to a file, or None if there is no such file, or if it is damaged."""
+    """Return the content that `write` wrote to a file; None if the file is missing, damaged or not trusted."""
     try:
         state = path.lstat()
-        reason = _stranger(path, state) if stat.S_ISREG(state.st_mode) else f'{path} is not a file'
+        reason = _foreign_access(path, state) if stat.S_ISREG(state.st_mode) else f'{path} is not a file'
         reason = reason or (f'{path} is too large' if state.st_size > _LARGEST else '')
         content = b'' if reason else path.read_bytes()
     except FileNotFoundError:
@@ -156,24 +156,24 @@ def report_damage(folder: Path, reason: str) -> None:
 
 def write(path: Path, content: bytes) -> None:
     """
-    Write a file whole or not at all.
+    Write a file completely or not at all.
 
     Raises
     ------
     OSError
-        If it cannot be written.
+        If the file cannot be written.
 
     """
-    aside = path.with_name(f'{path.name}.{uuid.uuid4().hex[:16]}.tmp')
+    temporary = path.with_name(f'{path.name}.{uuid.uuid4().hex[:16]}.tmp')
     try:
-        with open(aside, 'xb', opener=_open_for_user) as stream:
+        with open(temporary, 'xb', opener=_open_for_user) as stream:
             stream.write(_checksum_of(content) + content)
         if path.is_dir() and not path.is_symlink():
             path.rmdir()
-        os.replace(aside, path)
+        os.replace(temporary, path)
     except BaseException:
         with suppress(OSError):
-            aside.unlink()
+            temporary.unlink()
         raise
 
 

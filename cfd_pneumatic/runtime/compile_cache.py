@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numba's compile cache, in folders to which nobody else can write, with files that are checked before their use."""
+"""Numba's compile cache, in folders without write permission for other users, with checksums of its files."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _HASH = hashlib.sha256().digest_size  # [bytes]
 
 class CompileCache(NullCache):
     """
-    The cache of a compiled function.
+    Cache of a compiled function.
 
-    Numba's own ends the program if a file is damaged or the disk is full. Here the function is compiled instead, in
-    memory if its code cannot be kept. Where it is kept is decided at its first call.
+    Numba's cache ends the program if a file is damaged or the disk is full. This cache lets Numba compile the function
+    instead, in memory if the code cannot be kept. The first call of the function selects the folder.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -35,19 +35,19 @@ class CompileCache(NullCache):
     def _kept(self) -> _KeptCode | None:
         try:
             return _KeptCode(self._function)
-        except RuntimeError:  # Numba's, if no folder can be used
+        except RuntimeError:  # from Numba, if no folder can be used
             return None
 
     @property
     def cache_path(self) -> str | None:
-        """Folder in which the code is kept, or None if there is none."""
+        """Folder in which the code is kept; None if no folder can be used."""
         return None if self._kept is None else self._kept.cache_path
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Return the code that is kept for a signature, or None."""
+        """Return the kept code of a signature, or None."""
         if self._kept is None:
             return None
-        rtsys.initialize(context)  # Numba initializes also what only compiling needs, which takes an eighth of a second
+        rtsys.initialize(context)  # Numba also initialises the compiler here, which takes 0.12 s and is not needed
         try:
             return self._kept._load_overload(signature, context)
         except Exception as error:  # unpickling may raise anything
@@ -57,25 +57,25 @@ class CompileCache(NullCache):
     def save_overload(self, signature: Any, result: Any) -> None:
         """Keep the code of a signature; warn once if that is impossible."""
         if self._kept is None:
-            _report_memory('no folder can be written')
+            _warn_not_kept('no folder can be written')
             return
         try:
             self._kept._save_overload(signature, result)
         except OSError as error:
-            _report_memory(f'{self._kept.cache_path}: {error.strerror or error}')
+            _warn_not_kept(f'{self._kept.cache_path}: {error.strerror or error}')
 
 
-def _report_memory(reason: str) -> None:
+def _warn_not_kept(reason: str) -> None:
     if not code_files.has_warned('untrusted'):
         code_files.warn_once(
             'memory',
-            f'Machine code cannot be kept: {reason}. The program compiles it in memory, at each start. Make room, or '
-            'name a folder for it in NUMBA_CACHE_DIR.',
+            f'Machine code cannot be kept: {reason}. The program compiles its functions at each start. Make room, or '
+            'name a folder for the code in NUMBA_CACHE_DIR.',
         )
 
 
 def _trusted(locator: Any) -> Any:
-    """Return a class of Numba's that looks for a folder, and finds only one that is trusted."""
+    """Return a Numba locator class that accepts only trusted folders."""
 
     class Trusted(locator):  # type: ignore[misc]
         def ensure_cache_path(self) -> None:
@@ -88,59 +88,59 @@ def _trusted(locator: Any) -> Any:
     return Trusted
 
 
-_Places: Any = FunctionCache._impl_class
+_Locators: Any = FunctionCache._impl_class
 
 
-class _TrustedPlaces(_Places):  # type: ignore[misc]
-    """The kinds of places in which Numba looks for a folder, in its order."""
+class _TrustedLocators(_Locators):  # type: ignore[misc]
+    """Numba's locators of cache folders, in Numba's order, restricted to trusted folders."""
 
-    _locator_classes = tuple(map(_trusted, _Places._locator_classes))
+    _locator_classes = tuple(map(_trusted, _Locators._locator_classes))
 
 
 class _KeptCode(FunctionCache):
-    """Numba's cache, in a folder that is trusted."""
+    """Numba's cache in a trusted folder."""
 
-    _impl_class = _TrustedPlaces
+    _impl_class = _TrustedLocators
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         folder = Path(self.cache_path)
-        if not code_files.is_trusted(folder):  # Numba's environment variables may name a kind of place of their own
+        if not code_files.is_trusted(folder):  # Numba's environment variables may select another locator
             raise RuntimeError
-        files: Any = _Files(folder, self._impl.filename_base, self._impl.locator.get_source_stamp())
+        files: Any = _SignatureFiles(folder, self._impl.filename_base, self._impl.locator.get_source_stamp())
         self._cache_file = files
 
 
-class _Files:
+class _SignatureFiles:
     """
-    One file for each signature of a function.
+    Files of code, one for each signature of a function.
 
-    Numba has an index beside its files. If a program is killed between writing the two, the index may name a file with
-    code of earlier source.
+    Numba writes an index in addition to its files. If a program is killed between the two, the index may name a file
+    with the code of an earlier source.
     """
 
     def __init__(self, folder: Path, name: str, stamp: object) -> None:
-        """Keep code in a folder, below a name, for a source file that has a stamp."""
+        """Keep code in a folder, in files that begin with a name, for a source file with a stamp."""
         self._folder = folder
         self._name = name
         self._stamp = stamp
 
     def load(self, key: object) -> Any:
-        """Return what is kept for a key, or None."""
+        """Return the data that are kept for a key, or None."""
         content = code_files.read(self._path(key))
         if content is None or content[:_HASH] != self._version(key):
             return None
         return pickle.loads(content[_HASH:])
 
     def save(self, key: object, data: Any) -> None:
-        """Keep data for a key; raise OSError if that is impossible."""
+        """Keep data for a key; raise OSError if the file cannot be written."""
         code_files.write(self._path(key), self._version(key) + dumps(data))
 
     def _path(self, key: object) -> Path:
         return self._folder / f'{self._name}.{_hash(key).hex()[:16]}.nbc'
 
     def _version(self, key: object) -> bytes:
-        """Return what changes with Numba, the source and the key."""
+        """Return a hash of Numba's version, the source's stamp and the key."""
         return _hash((numba.__version__, self._stamp, key))
 
 

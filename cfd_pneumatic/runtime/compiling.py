@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Numba's compiler: machine code is kept on disk, or in memory where no folder can be written.
+Numba's compiler, with machine code kept on disk, or in memory if no folder can be written.
 
-One process at a time compiles what a folder keeps; others that want the same wait, and find it there.
+Only one process at a time compiles for a folder. Other processes wait, and then load the code from the folder.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from numba.core.event import Event, Listener, install_listener
 
 from cfd_pneumatic.runtime.compile_cache import CompileCache
 
-config._config_fname = os.devnull  # Numba's settings file in the working folder, which may name a cache with any code
+config._config_fname = os.devnull  # a settings file in the working folder could name a cache with malicious code
 config.reload_config()
 
 _LOCK_FILE = 'compiling.lock'
-_AGAIN = 1.0  # after which it is said again: who listens may have come late [s]
-_PATIENCE, _PAUSE = 0.5, 0.02  # after which it is said that another process compiles, and between two looks [s]
+_FIRST_REPORT, _REPORT_INTERVAL = 0.5, 1.0  # reports of waiting; repeated because a listener may start late [s]
+_POLL_INTERVAL = 0.02  # between two attempts to lock [s]
 
-_own = RLock()
-_depth = 0  # a function's compilation asks for that of those that it calls
-_waiting: list[Callable[[], None]] = []
+_thread_lock = RLock()
+_depth = 0  # of nested compilations: a function's compilation also compiles the functions that it calls
+_on_waiting: list[Callable[[], None]] = []
 
 
 def compiler(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Return a decorator that compiles a function on its first call, with some options of Numba's."""
-    options['no_cfunc_wrapper'] = True  # nothing passes functions to functions
+    """Return a decorator that compiles a function on its first call, with options of Numba."""
+    options['no_cfunc_wrapper'] = True  # no function is passed to another function
 
     def compiled(function: Callable[..., Any]) -> Any:
         dispatcher = njit(**options)(function)
         dispatcher._cache = cache = CompileCache(function)
-        dispatcher.compile = _alone(_vectorizing(dispatcher.compile), cache)
+        dispatcher.compile = _in_one_process(_vectorizing(dispatcher.compile), cache)
         return dispatcher
 
     return compiled
@@ -50,9 +50,9 @@ def compiler(**options: Any) -> Callable[[Callable[..., Any]], Any]:
 
 def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """
-    Let a compiler run a pass of LLVM that Numba leaves out, and that only a setting of the process switches on.
+    Return a compiler that also runs LLVM's superword vectorisation, which Numba switches off.
 
-    With it `propagation` carries several sensitivities forward at once.
+    With this pass `propagation` computes several sensitivities at once. Only a setting of the process enables the pass.
     """
 
     def compile_vectorizing(signature: Any) -> Any:
@@ -65,27 +65,27 @@ def _vectorizing(compile_: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return compile_vectorizing
 
 
-def _alone(compile_: Callable[[Any], Any], cache: CompileCache) -> Callable[[Any], Any]:
-    """Let a compiler run in one process at a time; it looks first whether the cache keeps what it is asked for."""
+def _in_one_process(compile_: Callable[[Any], Any], cache: CompileCache) -> Callable[[Any], Any]:
+    """Return a compiler that runs in one process at a time; each process first looks into the cache."""
 
-    def compile_alone(signature: Any) -> Any:
+    def compile_locked(signature: Any) -> Any:
         global _depth
-        with _own:
+        with _thread_lock:
             _depth += 1
             try:
                 if _depth > 1 or cache.cache_path is None:
                     return compile_(signature)
-                with _locked(Path(cache.cache_path)), _uncollected():
+                with _folder_lock(Path(cache.cache_path)), _garbage_collection_paused():
                     return compile_(signature)
             finally:
                 _depth -= 1
 
-    return compile_alone
+    return compile_locked
 
 
 @contextmanager
-def _uncollected() -> Iterator[None]:
-    """Keep Python from looking for garbage, of which a compiler makes little among much else: a seventh of its time."""
+def _garbage_collection_paused() -> Iterator[None]:
+    """Pause Python's garbage collection, which takes a seventh of a compiler's time and finds little."""
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -96,8 +96,8 @@ def _uncollected() -> Iterator[None]:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Keep other processes from compiling into a folder; where it can't be locked each is on its own."""
+def _folder_lock(folder: Path) -> Iterator[None]:
+    """Prevent other processes from compiling for a folder; without effect if the folder cannot be locked."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         file = open(folder / _LOCK_FILE, 'wb', opener=_open_lock)  # noqa: SIM115  # closed below
@@ -105,61 +105,61 @@ def _locked(folder: Path) -> Iterator[None]:
         yield
         return
     with file:
-        with suppress(OSError):  # of a file system without locks
+        with suppress(OSError):  # from a file system without locks
             _lock(file.fileno())
         yield
 
 
 def _open_lock(path: str, _: int) -> int:
     """
-    Open a file that is locked and not written; a link or a named pipe in its place is not followed or waited for.
+    Open a lock file, without following a link and without waiting for a named pipe in its place.
 
-    Nobody else may open it: who can read a file can lock it.
+    Only the user may open the file: a user who can read a file can lock it.
     """
     file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
-    with suppress(OSError):  # of another owner
-        os.fchmod(file, 0o600)  # earlier versions made it for all to read
+    with suppress(OSError):  # if the file belongs to another user
+        os.fchmod(file, 0o600)  # earlier versions let all users read the file
     return file
 
 
 def _lock(file: int) -> None:
-    """Wait for a lock, which ends with its file; say so, each second, where it takes long."""
-    due = time.monotonic() + _PATIENCE
+    """Wait until a file is locked, which lasts until the file is closed; report a long wait each second."""
+    due = time.monotonic() + _FIRST_REPORT
     while True:
         try:
             return fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             if time.monotonic() > due:
-                due += _AGAIN
-                for tell in _waiting:
-                    tell()
-            time.sleep(_PAUSE)
+                due += _REPORT_INTERVAL
+                for report in _on_waiting:
+                    report()
+            time.sleep(_POLL_INTERVAL)
 
 
 @contextmanager
-def announced(tell: Callable[[str | None], None], wait: Callable[[], None]) -> Iterator[None]:
+def announced(report_start: Callable[[str | None], None], report_waiting: Callable[[], None]) -> Iterator[None]:
     """
-    Tell, once, that functions are about to be compiled; not where machine code is there already.
+    Report the first compilation of functions; without a report if their machine code is already kept.
 
-    `tell` gets the folder in which it is kept, or None where it is lost with the process. `wait` is called each
-    second in which another process compiles them.
+    `report_start` gets the folder for the machine code, or None if the code is in memory only. `report_waiting` is
+    called each second in which another process compiles the functions.
     """
-    _waiting.append(wait)
+    _on_waiting.append(report_waiting)
     try:
-        with install_listener('numba:compile', _First(tell)):
+        with install_listener('numba:compile', _FirstCompilation(report_start)):
             yield
     finally:
-        _waiting.remove(wait)
+        _on_waiting.remove(report_waiting)
 
 
-class _First(Listener):
-    def __init__(self, tell: Callable[[str | None], None]) -> None:
-        self._tell: Callable[[str | None], None] | None = tell
+class _FirstCompilation(Listener):
+    def __init__(self, report: Callable[[str | None], None]) -> None:
+        self._report: Callable[[str | None], None] | None = report
 
     def on_start(self, event: Event) -> None:
-        if self._tell is not None:
-            tell, self._tell = self._tell, None
-            tell(event.data['dispatcher'].stats.cache_path)
+        if self._report is not None:
+            report, self._report = self._report, None
+            report(event.data['dispatcher'].stats.cache_path)
 
     def on_end(self, event: Event) -> None:
-        """Nothing is told of it."""
+        """Do nothing at the end of a compilation; Numba requires the method."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work that is shared among the processor's cores."""
+"""Share work among the processor's cores."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from threading import Event, Lock, Thread, local
 from typing import Any, TypeVar
 
 LIMIT = 'OMP_NUM_THREADS'
-"""Environment variable that NumPy's and SciPy's libraries keep to as well; Dask sets it to 1 on its workers."""
+"""Environment variable for the number of threads, also of NumPy and SciPy; Dask sets it to 1 on its workers."""
 
 Item = TypeVar('Item')
 Result = TypeVar('Result')
 
-_GLANCE = 0.2  # between looks for an interrupt: one just before a wait without end is not seen until it ends [s]
+_POLL_INTERVAL = 0.2  # between checks for an interrupt, which an endless wait would delay until its end [s]
 
 
 def threads() -> int:
-    """Return how many threads work side by side: what the environment allows, or one for each core that may be used."""
-    limit = os.environ.get(LIMIT, '').partition(',')[0]  # further numbers are for nested loops
+    """Return the number of parallel threads: the limit of the environment, or the number of usable cores."""
+    limit = os.environ.get(LIMIT, '').partition(',')[0]  # further numbers apply to nested loops
     if limit.isdecimal() and int(limit):
         return int(limit)
     return len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count() or 1
 
 
-class _Crew:
-    """The threads that are at work."""
+class _ThreadCount:
+    """Count of the threads that are at work."""
 
     def __init__(self) -> None:
         self._size = 1
@@ -37,12 +37,12 @@ class _Crew:
 
     @property
     def idle(self) -> int:
-        """How many cores have nothing to do."""
+        """Number of idle cores."""
         return max(threads() - self._size, 0)
 
     @contextmanager
     def with_more(self, number: int) -> Iterator[None]:
-        """Count so many more threads meanwhile."""
+        """Add a number to the count within the context."""
         with self._lock:
             self._size += number
         try:
@@ -52,93 +52,93 @@ class _Crew:
                 self._size -= number
 
 
-_crew = _Crew()
-_here = local()  # `stop`: the event that ends the work that this thread has a share in
+_thread_count = _ThreadCount()
+_thread_local = local()  # `stop`: the event that ends the job on which this thread works
 
 
 class _Job:
-    """Items that are worked on by whoever has nothing else to do."""
+    """Items that several threads process."""
 
     def __init__(self, work: Callable[[Any], Any], items: Sequence[Any]) -> None:
-        self.left = iter(range(len(items)))  # that nobody has begun
+        self.pending = iter(range(len(items)))
         self.results: dict[int, Any] = {}
         self._work = work
         self._items = items
-        self._stop: Event = getattr(_here, 'stop', None) or Event()
+        self._stop: Event = getattr(_thread_local, 'stop', None) or Event()
         self._error: BaseException | None = None
-        self._hands = 0
+        self._workers = 0
         self._lock = Lock()
         self._ended = Event()
 
-    def share(self) -> None:
-        """Work on one item after another until none is left; after an error nobody goes on."""
-        before, _here.stop = getattr(_here, 'stop', None), self._stop
-        self._count(1)
+    def process_items(self) -> None:
+        """Process pending items until none remain; an error in any thread ends the job."""
+        outer, _thread_local.stop = getattr(_thread_local, 'stop', None), self._stop
+        self._add_workers(1)
         try:
-            for place in self.left:
+            for index in self.pending:
                 if self._stop.is_set():
                     raise KeyboardInterrupt
-                self.results[place] = self._work(self._items[place])
-        except BaseException as error:  # raised where the job is waited for
-            deque(self.left, maxlen=0)
+                self.results[index] = self._work(self._items[index])
+        except BaseException as error:  # `wait` raises the error
+            deque(self.pending, maxlen=0)
             self._error = error
         finally:
-            _here.stop = before
-            self._count(-1)
+            _thread_local.stop = outer
+            self._add_workers(-1)
 
-    def _count(self, by: int) -> None:
+    def _add_workers(self, number: int) -> None:
         with self._lock:
-            self._hands += by
-            if not self._hands:
+            self._workers += number
+            if not self._workers:
                 self._ended.set()
 
     def wait(self) -> None:
-        """Wait for all who work on it, and raise what one of them met with."""
-        while not self._ended.wait(_GLANCE):
+        """Wait for all threads of the job, and raise an error that a thread met."""
+        while not self._ended.wait(_POLL_INTERVAL):
             pass
         if self._error is not None:
             raise self._error
 
     def end(self) -> None:
-        """Wait for the items that somebody has begun; nobody begins another one."""
+        """Stop the job, and wait for the items that are in progress."""
         self._stop.set()
-        self._count(0)  # there may be none
+        self._add_workers(0)  # ends a job without workers
         self._ended.wait()
 
 
-_jobs: list[_Job] = []  # that are not done, the innermost last
+_jobs: list[_Job] = []  # unfinished jobs, the innermost last
 
 
-def _help(job: _Job | None) -> None:
-    """Work on a job, and then on what others have left to do."""
-    with _crew.with_more(1):
+def _process_jobs(job: _Job | None) -> None:
+    """Process the items of a job, and then those of other unfinished jobs."""
+    with _thread_count.with_more(1):
         while job is not None:
-            job.share()
-            job = next((one for one in reversed(_jobs) if length_hint(one.left)), None)
+            job.process_items()
+            job = next((candidate for candidate in reversed(_jobs) if length_hint(candidate.pending)), None)
 
 
 def map_in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """
-    Return the work's results in the order of its items; compiled functions let other threads run meanwhile.
+    Apply a function to items in parallel threads; return the results in the order of the items.
 
-    Work may share out its own, to cores that are idle or will be. An interrupt comes to the main thread alone: the
-    others end before their next item.
+    Compiled functions run truly in parallel. The function may call `map_in_threads` itself. An interrupt reaches only
+    the main thread; the other threads end before their next item.
     """
-    job = _Job(work, pending := list(items))
-    helpers = min(len(pending), _crew.idle + 1)
+    job = _Job(work, work_items := list(items))
+    helpers = min(len(work_items), _thread_count.idle + 1)
     _jobs.append(job)
     try:
         if helpers < 2:
-            job.share()
+            job.process_items()
             job.wait()
         else:
-            with _crew.with_more(-1):  # this thread only waits
+            with _thread_count.with_more(-1):  # this thread only waits
                 for _ in range(helpers):
-                    Thread(target=_help, args=(job,)).start()
+                    Thread(target=_process_jobs, args=(job,)).start()
                 job.wait()
     except KeyboardInterrupt:
         job.end()
         raise
     finally:
         _jobs.remove(job)
-    return [job.results[place] for place in range(len(pending))]
+    return [job.results[index] for index in range(len(work_items))]

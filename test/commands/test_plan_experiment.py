@@ -136,7 +136,7 @@ def test_dotted_names_and_a_single_cylinder_are_read(tmp_path):
         ('    cylinder_a: [\n', 'is not YAML'),
         (
             '    cylinder_a:\n      k_x: [4.0e+6]\n      k_x: [5.0e+6]\n',
-            'line 5: the key stands in line 4 already: leave one out',
+            'line 5: the key is already in line 4: remove one of the two',
         ),
     ],
 )

@@ -27,7 +27,7 @@ from recording_cases import (
 from rosbags.rosbag2 import Reader
 
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.messages.blocks import OneByOne
+from cfd_pneumatic.messages.blocks import GroupingReader
 from cfd_pneumatic.messages.types import JOINT_STATE
 from cfd_pneumatic.recording import read_recording, write_recording
 from cfd_pneumatic.recording.bags.mcap_reading import McapFile
@@ -66,7 +66,9 @@ def by_topic(blocks):
 def chunked_and_one_by_one(path, topics):
     with Reader(path) as reader:
         wanted = [connection for connection in reader.connections if connection.topic in topics]
-        return by_topic(McapFile(path).blocks(wanted)), by_topic(OneByOne(reader, reader.start_time).blocks(wanted))
+        return by_topic(McapFile(path).blocks(wanted)), by_topic(
+            GroupingReader(reader, reader.start_time).blocks(wanted)
+        )
 
 
 @given(

@@ -157,17 +157,17 @@ REFUSED = {
         NAMED,
         't,x,p,p\n0,1,2,3\n10,1,2,3\n',
         'run.csv: has 2 columns of the name that the mapping gives for the cylinder_a pressure: '
-        'give the number of the one that is meant',
+        'give the number of the column',
     ),
     'a key twice': (
         f'{NAMED}displacement: {{column: x, unit: m}}\n',
         't,x,p\n0,1,2\n10,1,2\n',
-        'mapping.yaml: line 5: the key stands in line 2 already: leave one out',
+        'mapping.yaml: line 5: the key is already in line 2: remove one of the two',
     ),
     'scale 0': (
         NAMED.replace('unit: mm', 'unit: mm, scale: 0'),
         't,x,p\n0,1,2\n10,1,2\n',
-        'mapping.yaml: line 2: displacement: scale must not be 0: it is what one raw unit is in `unit`',
+        'mapping.yaml: line 2: displacement: scale must not be 0: it is the value of one raw unit in `unit`',
     ),
     'a name that csv does not take': (
         NAMED,
@@ -216,7 +216,7 @@ def test_a_bag_that_holds_something_else_is_not_replaced(csv_to_bag, folder):
     os.replace(folder / 'run.csv', folder / 'bag' / 'run.csv')
     done = csv_to_bag('bag/run.csv', *arguments[1:])
     assert done.stderr == (
-        'csv_to_bag: error: bag holds run.csv beside a bag, and is not overwritten: move one of them\n'
+        'csv_to_bag: error: bag holds run.csv in addition to a bag and is not overwritten: move run.csv\n'
     )
     assert (folder / 'bag' / 'run.csv').exists()
 

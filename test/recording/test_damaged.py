@@ -68,7 +68,7 @@ def test_what_a_cut_off_file_still_holds_is_salvaged(long_bags, tmp_path, storag
     assert read.health[0] == f'{file.name} is cut off: salvaged {salvaged:,} messages'
     if storage == 'mcap':
         (note,) = read.health[1:]
-        assert re.fullmatch(r'cut.mcap is damaged: left out what was received later than \S+ s after its start', note)
+        assert re.fullmatch(r'cut.mcap is damaged: left out messages received later than \S+ s after its start', note)
     else:
         assert all('pressure: samples from' in note for note in read.health[1:])  # what was written later is lost
     assert (read.displacement.values == whole.displacement.values[:count]).all()
@@ -154,7 +154,7 @@ def test_a_chunk_with_a_flipped_bit_is_left_out(long_bags, tmp_path, part):
     read = read_recording(file)
     note = next(note for note in read.health if 'is damaged' in note)
     count, begin, end = re.fullmatch(
-        r'flip.mcap is damaged: left out (.+ messages, )?what was received between (\S+) s and (\S+) s.* its start',
+        r'flip.mcap is damaged: left out (.+ messages, )?messages received between (\S+) s and (\S+) s.* its start',
         note,
     ).groups()
     assert (count is not None) == (part == 1.0)
@@ -199,7 +199,7 @@ def test_two_definitions_of_one_type(tmp_path):
     writer.finish()
     assert error_of(path) == (
         'topic /d/cylinder_a/pressure has messages of two definitions of sensor_msgs/msg/FluidPressure: '
-        'split the bag, or leave out what one of its publishers sent'
+        'split the bag, or remove the messages of one publisher'
     )
 
 
@@ -263,7 +263,7 @@ def test_an_empty_file(tmp_path, name):
 @pytest.mark.parametrize('name', ['letter.mcap', 'letter.db3', 'letter.bag'])
 def test_a_file_that_is_no_bag(tmp_path, name):
     (tmp_path / name).write_text('Dear engineer,\n' * 50)
-    assert error_of(tmp_path / name).startswith(('is damaged (', 'is no bag of ROS 1; '))
+    assert error_of(tmp_path / name).startswith(('is damaged (', 'is not a bag of ROS 1; '))
 
 
 def test_broken_metadata_is_done_without(tmp_path):

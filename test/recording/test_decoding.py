@@ -36,7 +36,7 @@ MSGTYPES = [
 
 
 def block_of(payloads):
-    return MessageBlock.of(range(len(payloads)), payloads)
+    return MessageBlock.from_payloads(range(len(payloads)), payloads)
 
 
 def any_number(random, kind):
@@ -102,7 +102,7 @@ def test_messages_of_many_layouts_are_decoded_together():
     stamp = CounterPath(parse_path('t_us'), 1e-6)
     decoder = Decoder(types, 'acme_msgs/msg/Press', parse_path('channels[1].reading'), stamp, Serialization.CDR)
     columns = decoder.decode(block_of(payloads))
-    assert columns.found.all()
+    assert columns.has_number.all()
     np.testing.assert_array_equal(columns.values, 100.0 * np.arange(500))
     np.testing.assert_array_equal(columns.stamps, [message.content.t_us * 1000 for message in sent])
 
@@ -146,14 +146,14 @@ def test_an_entry_beyond_the_end_is_not_found():
     )
     payload = bytes(TYPES.serialize_cdr(message, 'std_msgs/msg/Float32MultiArray'))
     decoder = Decoder(TYPES, 'std_msgs/msg/Float32MultiArray', parse_path('data[2]'), None, Serialization.CDR)
-    assert not decoder.decode(block_of([payload])).found.any()
+    assert not decoder.decode(block_of([payload])).has_number.any()
 
 
 @pytest.mark.parametrize(
     ('payload', 'reason'),
     [
-        (b'\0\1\0\0' + b'\0' * 20, 'a message has 24 bytes where its definition wants 12'),
-        (b'\0\1\0\0', 'a message has 4 bytes where its definition wants 12'),
+        (b'\0\1\0\0' + b'\0' * 20, 'a message has 24 bytes, but its definition requires 12'),
+        (b'\0\1\0\0', 'a message has 4 bytes, but its definition requires 12'),
         (b'\x28\xb5\x2f\xfd', 'a message begins with 28b5, which is not plain CDR'),
         (b'', 'a message begins with , which is not plain CDR'),
     ],

@@ -32,7 +32,7 @@ def impatient(monkeypatch):
 def defined(text, kind=MSG):
     """Return the fields of `a/msg/B`, which a bag defines by a text."""
     connection = Connection(1, '/x', 'a/msg/B', MessageDefinition(kind, text), '', 1, None, None)
-    return Definitions().of([connection]).fielddefs['a/msg/B'][1]
+    return Definitions().for_topic([connection]).fielddefs['a/msg/B'][1]
 
 
 def test_a_definition_of_thousands_of_fields_is_read():
@@ -83,7 +83,7 @@ def test_all_definitions_of_a_bag_share_what_may_be_read():
 
     def define(*names):
         for name in names:
-            shared.of([Connection(1, '/x', name, MessageDefinition(MSG, text), '', 1, None, None)])
+            shared.for_topic([Connection(1, '/x', name, MessageDefinition(MSG, text), '', 1, None, None)])
 
     define('a/msg/B')
     with pytest.raises(InputError, match='takes too long to parse'):
@@ -137,6 +137,6 @@ def test_of_a_file_only_the_type_in_its_name_counts(tmp_path):
     file.parent.mkdir(parents=True)
     file.write_text(f'float64 x\n{SEPARATOR}MSG: a/Secret\nfloat64 y\nfloat64 y\n')
     undefined = MessageDefinition(MessageDefinitionFormat.NONE, '')
-    types = Definitions(tmp_path).of([Connection(1, '/x', 'a/msg/B', undefined, '', 1, None, None)])
+    types = Definitions(tmp_path).for_topic([Connection(1, '/x', 'a/msg/B', undefined, '', 1, None, None)])
     assert [name for name, _ in types.fielddefs['a/msg/B'][1]] == ['x']
     assert 'a/msg/Secret' not in types.fielddefs

@@ -145,7 +145,7 @@ def test_it_is_written_and_read_as_it_is(tmp_path):
         ({'name': 5}, 'name must be a text, not int'),
         ({'displacement': np.full(1001, np.nan)}, 'displacement holds no finite number'),
         ({'displacement': 1.0}, 'displacement has the shape ()'),
-        ({'pressures': {}}, 'no pressure is given'),
+        ({'pressures': {}}, 'no pressure: give'),
         ({'pressures': {'a': PRESSURE}}, "'a' is no cylinder"),
         ({'pressures': {'cylinder_b': PRESSURE}}, 'cylinder_a has a set-point and no pressure'),
         ({'pressures': {'cylinder_a': np.stack([PRESSURE, PRESSURE])}}, 'has the shape (2, 1001)'),

@@ -62,7 +62,10 @@ def test_each_piece_is_a_recording_with_the_set_point_that_acts():
     assert second.displacement.times[[0, -1]] == pytest.approx([4.01, 5.99])
     assert second.cylinders['cylinder_a'].setpoint.values.tolist() == [1e5, 2e5]
     assert third.cylinders['cylinder_a'].setpoint.values.tolist() == [2e5]
-    assert any('2 gaps of up to 1.02 s: the model starts anew behind each' in note for note in first.health)
+    assert any(
+        '2 gaps of up to 1.02 s: the parts between the gaps are used as separate recordings' in note
+        for note in first.health
+    )
 
 
 def test_what_is_too_short_to_tell_anything_is_left_out():

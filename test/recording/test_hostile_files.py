@@ -77,16 +77,16 @@ YAML = {
     'a list that holds itself': ('&a [*a]', 'unfolds to more than'),
     'deep lists': ('[' * 10_000, 'is nested too deeply'),
     'deep mappings': ('{a: ' * 5_000, 'is nested too deeply'),
-    'a date that is none': ('y: 1\nx: 2001-99-99', 'line 2: holds a value that can not be read'),
-    'a number without digits': ('x: 0b_', 'holds a value that can not be read'),
-    'a number of thousands of digits': (f'x: {"1" * 5000}', 'holds a value that can not be read'),
+    'a date that is none': ('y: 1\nx: 2001-99-99', 'line 2: holds a value that cannot be read'),
+    'a number without digits': ('x: 0b_', 'holds a value that cannot be read'),
+    'a number of thousands of digits': (f'x: {"1" * 5000}', 'holds a value that cannot be read'),
     'the same in hexadecimal digits': (f'x: 0x{"f" * 5000}', 'line 1: a number is too large'),
     'a number longer than a processor has': (f'y:\n  x: {2**63}', 'line 2: a number is too large'),
-    'a time that is none': ('x: 2001-01-01 99:99:99', 'holds a value that can not be read'),
+    'a time that is none': ('x: 2001-01-01 99:99:99', 'holds a value that cannot be read'),
     'too large': (f'x: {"y" * LARGEST}', 'has more than 256 KiB'),
-    'a key twice': ('x: 1\ny: 2\nx: 3', 'line 3: the key stands in line 1 already'),
+    'a key twice': ('x: 1\ny: 2\nx: 3', 'line 3: the key is already in line 1'),
     'more values than can be meant': ('[' + '1,' * 60_000 + ']', 'has more than 50,000 values'),
-    'a switch that is none': ('x: !!bool secret', 'line 1: holds a value that can not be read'),
+    'a switch that is none': ('x: !!bool secret', 'line 1: holds a value that cannot be read'),
     'code': ('!!python/object/apply:os.getcwd []', 'is not YAML'),
     'bytes that are no text': (b'x: \xff\xfe', 'is not YAML'),
 }
@@ -319,13 +319,16 @@ def test_a_database_that_computes_its_messages_is_refused(tmp_path, kind, part):
         for statement in COMPUTED[kind]:
             database.execute(statement)
     os.truncate(file, int(part * file.stat().st_size))
-    assert refused(read_recording, file) == f'{file}: is no bag: its messages are not stored, but computed'
+    assert (
+        refused(read_recording, file)
+        == f'{file}: is not a bag: messages is an SQL view or has generated columns; export it as a table'
+    )
 
 
 def test_a_bag_of_ros_1_without_a_first_line_is_refused(tmp_path):
     (tmp_path / 'zeros.bag').touch()
     os.truncate(tmp_path / 'zeros.bag', 2**28)
-    assert 'is no bag of ROS 1' in refused(read_recording, tmp_path / 'zeros.bag')
+    assert 'is not a bag of ROS 1' in refused(read_recording, tmp_path / 'zeros.bag')
 
 
 # Names and tables
@@ -366,7 +369,7 @@ def test_no_more_is_unpacked_than_can_be_meant(tmp_path, mode, content):
     writer.set_compression(mode, CompressionFormat.ZSTD)
     write_packed(writer, messages.standard_types(), b'\0\1\0\0' + content)
     told = refused(read_recording, tmp_path / 'bag')
-    assert ('unpacks to more than can be meant' in told) == bool(content)
+    assert ('unpacks to more data than a recording can hold' in told) == bool(content)
 
 
 @pytest.mark.parametrize('compression', [Ros1Writer.CompressionFormat.BZ2, Ros1Writer.CompressionFormat.LZ4])
@@ -374,7 +377,7 @@ def test_no_more_of_a_chunk_of_ros_1_is_unpacked_than_can_be_meant(tmp_path, com
     writer = Ros1Writer(tmp_path / 'bomb.bag')
     writer.set_compression(compression)
     write_packed(writer, get_typestore(Stores.ROS1_NOETIC), BOMB)
-    assert 'unpacks to more than can be meant' in refused(read_recording, tmp_path / 'bomb.bag')
+    assert 'unpacks to more data than a recording can hold' in refused(read_recording, tmp_path / 'bomb.bag')
 
 
 # reports

@@ -151,7 +151,7 @@ BAD = {
     ),
     'scale 0': (
         GOOD.replace('unit: m', 'unit: m, scale: 0/5'),
-        'line 1: displacement: scale must not be 0: it is what one raw unit is in `unit`',
+        'line 1: displacement: scale must not be 0: it is the value of one raw unit in `unit`',
     ),
     'scale without end': (
         GOOD.replace('unit: m', 'unit: m, scale: .inf'),
@@ -159,11 +159,11 @@ BAD = {
     ),
     'a key twice': (
         GOOD.replace('unit: m', 'unit: m, unit: mm'),
-        'line 1: the key stands in line 1 already: leave one out',
+        'line 1: the key is already in line 1: remove one of the two',
     ),
     'an entry twice': (
         f'{GOOD}displacement: {{topic: other, unit: mm}}\n',
-        'line 4: the key stands in line 1 already: leave one out',
+        'line 4: the key is already in line 1: remove one of the two',
     ),
     'offset': (
         GOOD.replace('unit: m', 'unit: m, offset: .nan'),
@@ -173,13 +173,10 @@ BAD = {
         GOOD.replace('unit: m', "unit: m, field: 'a..b'"),
         'line 1: displacement: field is not a field path: write it like wrench.force.x or data[3]',
     ),
-    'types': (
-        f'{GOOD}types: nowhere',
-        'line 4: types must be a folder that is there, seen from the folder of this file',
-    ),
+    'types': (f'{GOOD}types: nowhere', 'line 4: types must be an existing folder, relative to the folder of this file'),
     'column in a mapping for bags': (
         GOOD.replace('topic: piston_state', 'column: 1'),
-        'line 1: displacement: a column is one of a table: the mapping needs the entry `table`, with the time',
+        'line 1: displacement: `column` is for tables: the mapping needs the entry `table`, with the time',
     ),
     'topic in a mapping for tables': (
         f'{GOOD}table: {{time: {{column: 1, unit: s}}}}',
@@ -223,7 +220,7 @@ BAD_FOR_THE_BAG = {
     ),
     'no field': (
         ("field: 'channels[1].reading', ", ''),
-        f'topic /press/state: say which field of acme_msgs/msg/Press is meant: {NUMBERS}',
+        f'topic /press/state: give the `field` of acme_msgs/msg/Press in the mapping: {NUMBERS}',
     ),
     'unknown field': (
         ('channels[1].reading', 'channels[1].value'),
@@ -239,7 +236,7 @@ BAD_FOR_THE_BAG = {
     ),
     'an array': (
         ('channels[1].reading', 'analog'),
-        'topic /press/state: field analog of acme_msgs/msg/Press is an array: say which entry, as in analog[0]',
+        'topic /press/state: field analog of acme_msgs/msg/Press is an array: give an entry, such as analog[0]',
     ),
     'no array': (
         ('channels[1].reading', 't_us[0]'),
@@ -247,7 +244,7 @@ BAD_FOR_THE_BAG = {
     ),
     'beyond a fixed array': (
         ('channels[1].reading', 'analog[4]'),
-        'topic /press/state: the array analog of acme_msgs/msg/Press has 4 entries, the first is analog[0]',
+        'topic /press/state: the array analog of acme_msgs/msg/Press has 4 entries: the first is analog[0]',
     ),
     'beyond every sequence': (
         ('channels[1].reading', 'channels[2].reading'),

@@ -82,7 +82,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path):
         read_recording(tmp_path / 'bag', folder=tmp_path / 'nowhere')
     assert str(caught.value) == (
         f'{tmp_path}/bag: 0.0 MB of it cannot be kept in {tmp_path}/nowhere: No such file or directory; '
-        'give a folder with room for it in TMPDIR'
+        'name a folder with more room in TMPDIR'
     )
 
 

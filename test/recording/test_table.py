@@ -420,9 +420,7 @@ def test_times_may_be_dates_or_of_the_day(tmp_path, times, epoch):
 @pytest.mark.parametrize('time', ['01.05.2024 12:00:00', '2024-13-01 12:00:00', '0.5'])
 def test_a_time_that_is_no_date_is_refused(tmp_path, time):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: date}\n  delimiter: semicolon')
-    with pytest.raises(
-        InputError, match=f'line 1, column 1 holds “{time}”; times are to be such as 2024-05-01 12:00:00'
-    ):
+    with pytest.raises(InputError, match=f'line 1, column 1 holds “{time}”; times must be such as 2024-05-01 12:00:00'):
         read(tmp_path, f'{time};1;2\n', mapping)
 
 
@@ -554,7 +552,9 @@ def test_the_digits_of_times_may_be_grouped_by_a_named_character(tmp_path):
 
 def test_a_row_of_units_below_the_names_is_told(tmp_path):
     mapping = BY_NUMBER.replace('unit: ms}', 'unit: ms}\n  delimiter: comma\n  header_rows: 1')
-    with pytest.raises(InputError, match=r'line 2, column 1 holds “ms”; if names or units .* needs `header_rows: 2`'):
+    with pytest.raises(
+        InputError, match=r'line 2, column 1 holds “ms”; if the line has names or units, .* needs `header_rows: 2`'
+    ):
         read(tmp_path, 't,x,p\nms,mm,bar\n0,1,2\n1,2,3\n', mapping)
 
 

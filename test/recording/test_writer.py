@@ -128,7 +128,7 @@ def test_what_was_written_before_a_disk_was_full_is_left_in_an_empty_folder(tmp_
     bag = BagWriter(tmp_path / 'bag')
     fill(bag)
     bag.flush()
-    bag.leave()
+    bag.keep_incomplete()
     assert os.listdir(tmp_path / 'bag') == ['bag.mcap']
     assert len(read_recording(tmp_path / 'bag' / 'bag.mcap').displacement) == 3
 
@@ -155,8 +155,8 @@ def test_a_bag_is_completed_in_a_folder_that_was_moved_and_the_error_names_the_p
     with pytest.raises(InputError) as caught:
         fill_while(before / 'bag', move, storage=storage)
     assert str(caught.value) == (
-        f'the folder of the bag was moved while the bag was written, so that the bag is not at {before}/bag. '
-        f'It is complete: move or use {after}/bag'
+        'the folder of the bag was moved while the bag was written. '
+        f'The bag is complete, but not at {before}/bag: move or use {after}/bag'
     )
     assert len(read_recording(after / 'bag').displacement) == 6
     assert os.listdir(after) == ['bag']
@@ -168,8 +168,8 @@ def test_a_bag_in_a_folder_that_was_moved_and_moved_back_is_where_it_was_named(t
     with BagWriter(before / 'bag') as bag:
         fill(bag)
         before.rename(after)
-        assert bag.follow()
-        assert not bag.follow()
+        assert bag.relocate()
+        assert not bag.relocate()
         after.rename(before)
     assert os.listdir(before) == ['bag']
 

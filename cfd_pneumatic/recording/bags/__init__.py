@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Bags: files of serialised messages, to blocks of messages and numbers, and back.
+Read and write bags: files of serialised messages, as blocks of messages.
 
-Nothing here knows what a signal is.
+This package does not depend on signals.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of ROS 1 and ROS 2: their topics and their messages, from whatever files they consist of."""
+"""Bags of ROS 1 and ROS 2: topics and messages from files of any supported format."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rosbags.interfaces import Connection
 
 from cfd_pneumatic.errors import DamageError, InputError
 from cfd_pneumatic.files import check_input, open_input
-from cfd_pneumatic.messages import NANOSECONDS, MessageBlock, OneByOne, Serialization, Span
+from cfd_pneumatic.messages import NANOSECONDS, GroupingReader, MessageBlock, Serialization, Span
 from cfd_pneumatic.recording.bags.compression import most_unpacked, unpack_file, unpacked, unpacker
 from cfd_pneumatic.recording.bags.metadata import Metadata, read_metadata
 from cfd_pneumatic.recording.bags.storages import (
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _MAX_LISTED = 5
-_SMALLEST = 16  # bytes of a message, with what says when and on which topic it came
+_SMALLEST = 16  # bytes of a message, with its time and topic
 _ROS1_MAGIC = b'#ROSBAG V2.0\n'
 _ZSTD_MAGIC = b'\x28\xb5\x2f\xfd'
 _ROS1_ENCODING = 'ros1'  # of messages in an mcap file
@@ -49,11 +49,11 @@ class Topic:
     Attributes
     ----------
     name, msgtype : str
-        Its name and message type.
+        Name and message type of the topic.
     count : int
-        Number of messages, so far as its files say; no more than they have room for.
+        Number of messages according to the files, limited by the size of the files.
     connections : tuple of Connection
-        Its connections, for the definition of its messages.
+        Connections of the topic, with the definition of its messages.
 
     """
 
@@ -75,18 +75,18 @@ class Bag:
     Attributes
     ----------
     topics : dict
-        The topics by name, those without messages too.
+        Topics by name, including topics without messages.
     serialization : Serialization
-        How the messages are serialised.
+        Serialisation of the messages.
     notes : list of str
-        What was amiss with the files, for people.
+        Messages to the user on damage of the files.
     remarks : dict
-        Texts in the metadata, by their keys; `BagWriter.remark` writes them.
+        Texts in the metadata by key; `BagWriter.remark` writes them.
 
     Raises
     ------
     InputError
-        If there is no bag, it holds no messages, or nothing of it can be read.
+        If there is no bag, the bag has no messages, or no message can be read.
 
     """
 
@@ -96,11 +96,11 @@ class Bag:
         self.remarks: dict[str, str] = {}
         self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
         self._stack = ExitStack()
-        self._packed = False  # whether messages are compressed one by one
-        self._size = 0  # of its files, [bytes]
+        self._packed = False  # whether each message is compressed by itself
+        self._size = 0  # of the bag's files [bytes]
         try:
             self._storages = self._open()
-            self._serialization_from_files()
+            self._set_serialization()
             self.topics = self._list_topics()
         except BaseException:
             self.close()
@@ -108,46 +108,47 @@ class Bag:
 
     def blocks(self, topics: Iterable[str]) -> Iterator[tuple[str, MessageBlock]]:
         """
-        Yield the messages of some topics, file by file, in each file in the order of reception.
+        Yield the messages of given topics, file by file; each file's messages come in order of reception.
 
-        What is damaged is left out, and noted.
+        Damaged messages are left out, with a note.
 
         Raises
         ------
         InputError
-            If nothing else is there, or it can't be told what is damaged.
+            If all messages are damaged, or the extent of the damage is unknown.
 
         """
         wanted = set(topics)
-        read = missing = 0
+        read_count = missing = 0
         left_out: list[Span] = []
         for storage in self._storages:
             connections = [connection for connection in storage.connections if _full_name(connection) in wanted]
             if not connections:
                 continue
             try:
-                before = read
+                count_before = read_count
                 for connection, block in storage.blocks(connections):
-                    read += len(block)
+                    read_count += len(block)
                     yield _full_name(connection), _unpacked(block) if self._packed or self._is_packed(block) else block
-                missing += max(0, sum(connection.msgcount for connection in connections) - (read - before))
+                expected = sum(connection.msgcount for connection in connections)
+                missing += max(0, expected - (read_count - count_before))
                 left_out += storage.left_out
-            except Exception as error:  # readers raise whatever damage makes them stumble over
+            except Exception as error:  # readers raise exceptions of any type for damaged files
                 raise InputError(f'is damaged: {reason_of(error)}; {remedy_of(self.path)}') from error
-        if (missing or left_out) and not read:
+        if (missing or left_out) and not read_count:
             raise InputError(f'is damaged and nothing can be salvaged; {remedy_of(self.path)}')
         if missing or left_out:
-            what = [count_of(missing, 'message')] if missing else []
-            what += [f'what was received {self._when(left_out)} after its start'] if left_out else []
-            self.notes.append(f'{self.path.name} is damaged: left out {", ".join(what)}')
+            losses = [count_of(missing, 'message')] if missing else []
+            losses += [f'messages received {self._describe_spans(left_out)} after its start'] if left_out else []
+            self.notes.append(f'{self.path.name} is damaged: left out {", ".join(losses)}')
 
     def _is_packed(self, block: MessageBlock) -> bool:
-        """Return whether messages are compressed one by one, though no metadata say so: CDR begins otherwise."""
+        """Return whether each message is compressed by itself, recognised by its first bytes without metadata."""
         is_cdr = self.serialization is Serialization.CDR
         return is_cdr and len(block) > 0 and block.payload(0).startswith(_ZSTD_MAGIC)
 
-    def _when(self, spans: Sequence[Span]) -> str:
-        """Return from when to when, for a note."""
+    def _describe_spans(self, spans: Sequence[Span]) -> str:
+        """Return spans of time after the start of the bag as text, for a note."""
         begin = min(storage.start_time for storage in self._storages)
 
         def seconds(time: int) -> str:
@@ -188,8 +189,8 @@ class Bag:
             'or a table together with its mapping file, `--mapping FILE`; `csv_to_bag --help` shows one'
         )
 
-    def _serialization_from_files(self) -> None:
-        """Take messages for those of ROS 1 where an mcap file says so of all of them."""
+    def _set_serialization(self) -> None:
+        """Set the serialisation to that of ROS 1 if an mcap file records this encoding for all messages."""
         encodings = {
             getattr(connection.ext, 'serialization_format', '')
             for storage in self._storages
@@ -211,7 +212,7 @@ class Bag:
                 return self._open_packed(metadata)
             return [self._open_file(file, STORAGES[metadata.storage]) for file in metadata.files]
         if not files:
-            raise InputError(self._no_bag_here())
+            raise InputError(self._no_bag_message())
         if not self.notes and len({re.sub(r'_\d+$', '', file.stem) for file in files}) > 1:
             names = listed([file.name for file in files])
             raise InputError(f'holds several bags without {METADATA}: give one of {names}')
@@ -219,7 +220,7 @@ class Bag:
         return sorted(storages, key=lambda storage: storage.start_time)
 
     def _metadata(self, dispensable: bool) -> Metadata | None:
-        """Return the bag's metadata; None, and a note, where they can't be used and there are files to do without."""
+        """Return the bag's metadata; None, with a note, if they are unusable and dispensable."""
         path = self.path / METADATA
         if not path.exists():
             return None
@@ -236,7 +237,7 @@ class Bag:
             return None
 
     def _open_packed(self, metadata: Metadata) -> list[StorageFile]:
-        """Open files that are compressed as a whole."""
+        """Open files that are each compressed as a whole."""
         storages = []
         for file in metadata.files:
             target = Path(self._stack.enter_context(TemporaryDirectory())) / file.stem
@@ -244,51 +245,51 @@ class Bag:
                 unpack_file(file, target)
             except InputError as error:
                 raise InputError(f'{file.name} {error}') from error
-            except Exception as error:  # whatever damage makes the decompressor stumble over
+            except Exception as error:  # decompressors raise exceptions of any type for damaged files
                 raise InputError(f'{file.name} cannot be unpacked: {reason_of(error)}') from error
             storages.append(self._open_file(target, STORAGES[metadata.storage]))
         return storages
 
-    def _no_bag_here(self) -> str:
-        inside = sorted(file.parent.name for file in self.path.glob(f'*/{METADATA}'))
-        inside += sorted(file.name for file in self.path.glob(f'*{ROS1_SUFFIX}'))
-        if inside:
-            return f'is a folder of bags: give one of {listed(inside)}'
+    def _no_bag_message(self) -> str:
+        bags = sorted(file.parent.name for file in self.path.glob(f'*/{METADATA}'))
+        bags += sorted(file.name for file in self.path.glob(f'*{ROS1_SUFFIX}'))
+        if bags:
+            return f'is a folder of bags: give one of {listed(bags)}'
         if any(self.path.glob('*.zstd')):
             return f'is compressed and has no {METADATA}: unpack its files with zstd -d'
         return f'holds no bag, neither {METADATA} nor .mcap or .db3 files'
 
     def _open_ros1(self) -> StorageFile:
-        from rosbags.rosbag1.reader import Reader, decompressors  # which most bags do without
+        from rosbags.rosbag1.reader import Reader, decompressors  # needed for few bags only
 
         names = {function: name for name, function in decompressors.items()}
         try:
             with open_input(self.path) as file:
-                if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would look for the end of this line
-                    raise InputError(f'is no bag of ROS 1; {remedy_of(self.path)}')
+                if file.read(len(_ROS1_MAGIC)) not in (b'', _ROS1_MAGIC):  # rosbags would read up to a line end
+                    raise InputError(f'is not a bag of ROS 1; {remedy_of(self.path)}')
             self._size = self.path.stat().st_size
             reader = Reader(self.path)
             reader.open()
             self._stack.callback(reader.close)
-            told: Counter[int] = Counter()  # by the chunks' summaries, beside what their indexes lead to
+            counts: Counter[int] = Counter()  # of the chunks' summaries; a chunk's index may lead to fewer messages
             for chunk in reader.chunk_infos:
-                told.update(chunk.connection_counts)
+                counts.update(chunk.connection_counts)
             reader.connections = [
-                connection._replace(msgcount=max(connection.msgcount, told[connection.id]))
+                connection._replace(msgcount=max(connection.msgcount, counts[connection.id]))
                 for connection in reader.connections
             ]
             reader.chunks = {
-                place: chunk._replace(decompressor=unpacker(names[chunk.decompressor]))
-                for place, chunk in reader.chunks.items()
+                position: chunk._replace(decompressor=unpacker(names[chunk.decompressor]))
+                for position, chunk in reader.chunks.items()
             }
-            return OneByOne(reader, reader.start_time)
+            return GroupingReader(reader, reader.start_time)
         except InputError:
             raise
-        except Exception as error:  # rosbags raises whatever damage makes it stumble over
+        except Exception as error:  # rosbags raises exceptions of any type for damaged files
             raise InputError(f'cannot be read: {reason_of(error)}; {remedy_of(self.path)}') from error
 
     def _open_file(self, file: Path, storage: Storage) -> StorageFile:
-        """Open one storage file, damaged or not."""
+        """Open a storage file, even if it is damaged."""
         self._note_unmerged(file)
         try:
             check_input(file)
@@ -302,7 +303,7 @@ class Bag:
                 _check_names(opened.connections)
             except InputError:
                 raise
-            except Exception as error:  # whatever damage makes it stumble over
+            except Exception as error:  # readers raise exceptions of any type for damaged files
                 damage = f'is damaged ({reason_of(error)})'
             else:
                 if opened.strays > 0:
@@ -317,27 +318,27 @@ class Bag:
         return salvaged
 
     def _note_unmerged(self, file: Path) -> None:
-        """Note what a recorder that was killed had not moved into a database yet."""
+        """Add a note if a killed recorder has left messages in a log next to the database."""
         log = file.with_name(f'{file.name}-wal')
         if log.exists() and log.stat().st_size:
             self.notes.append(f'{log.name} is not read: open {file.name} once with sqlite3 to merge it')
 
     def _list_topics(self) -> dict[str, Topic]:
-        named: dict[str, list[Connection]] = {}
+        by_name: dict[str, list[Connection]] = {}
         for storage in self._storages:
             for connection in storage.connections:
-                same = named.setdefault(_full_name(connection), [])
-                if same and same[0].msgtype != connection.msgtype:
+                connections = by_name.setdefault(_full_name(connection), [])
+                if connections and connections[0].msgtype != connection.msgtype:
                     raise InputError(
-                        f'topic {_full_name(connection)} has messages of {same[0].msgtype} and of '
+                        f'topic {_full_name(connection)} has messages of {connections[0].msgtype} and of '
                         f'{connection.msgtype}: split the bag'
                     )
-                same.append(connection)
+                connections.append(connection)
         most = most_unpacked(self._size) // _SMALLEST
-        topics = {
-            name: Topic(name, same[0].msgtype, min(most, sum(one.msgcount for one in same)), tuple(same))
-            for name, same in named.items()
-        }
+        topics = {}
+        for name, connections in by_name.items():
+            count = min(most, sum(connection.msgcount for connection in connections))
+            topics[name] = Topic(name, connections[0].msgtype, count, tuple(connections))
         if not any(topic.count for topic in topics.values()):
             notes = f' ({"; ".join(self.notes)})' if self.notes else ''
             raise InputError(f'holds no messages{notes}: was anything published while it was recorded?')
@@ -345,17 +346,19 @@ class Bag:
 
 
 def _unpacked(block: MessageBlock) -> MessageBlock:
-    """Return messages that are compressed one by one."""
-    return MessageBlock.of(block.times, [unpacked(block.payload(index), 'zstd') for index in range(len(block))])
+    """Return a block with each payload decompressed."""
+    return MessageBlock.from_payloads(
+        block.times, [unpacked(block.payload(index), 'zstd') for index in range(len(block))]
+    )
 
 
 def _check_names(connections: Iterable[Connection]) -> None:
-    """Refuse topics that have no name or type, as they have none where a table of SQLite is damaged."""
+    """Refuse topics without a name or type, which a damaged SQLite table may contain."""
     for connection in connections:
         if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
             raise DamageError('a topic has no name or no type')
 
 
 def _full_name(connection: Connection) -> str:
-    """Return a topic's name with the leading slash that ROS 1 may leave out."""
+    """Return a topic's name with a leading slash, which ROS 1 may omit."""
     return '/' + connection.topic.lstrip('/')

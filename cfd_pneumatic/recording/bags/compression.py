@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Unpacking what is compressed, and no more of it than can be meant: a few bytes may unpack to gigabytes."""
+"""Unpack compressed data up to a limit: a few bytes may unpack to gigabytes."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import zstandard
 from cfd_pneumatic.errors import DamageError
 from cfd_pneumatic.files import open_input
 
-_MOST = 64 * 2**20  # what anything may unpack to, [bytes]
-_RATIO = 32  # and more than that, in times of what is packed; numbers seldom shrink to a tenth
+_MOST = 64 * 2**20  # unpacked size that is always accepted [bytes]
+_RATIO = 32  # further unpacked bytes per packed byte; recorded numbers seldom shrink to a tenth
 _PIECE = 2**20  # [bytes]
-_TOO_MUCH = 'unpacks to more than can be meant'
+_TOO_MUCH = 'unpacks to more data than a recording can hold'
 
 
 def most_unpacked(packed: int) -> int:
-    """Return to how many bytes a number of packed bytes may unpack."""
+    """Return the largest accepted number of unpacked bytes for a number of packed bytes."""
     return _MOST + _RATIO * packed
 
 
@@ -42,16 +42,16 @@ _UNPACKERS: Mapping[str, Callable[[bytes, int], bytes]] = {
 
 def unpacked(packed: bytes, compression: str, most: int | None = None) -> bytes:
     """
-    Return what is packed, or the beginning of it where that is longer than `most` bytes.
+    Return unpacked data, or only the first `most` bytes.
 
     Raises
     ------
     DamageError
-        If the compression is not known, or no size is given and it is more than can be meant.
+        If the compression is not known, or `most` is None and the unpacked data exceed the limit.
 
     """
     if compression not in _UNPACKERS:
-        raise DamageError('is compressed in a way that is not known')
+        raise DamageError('has an unknown compression')
     if most is not None:
         return _UNPACKERS[compression](packed, most)
     most = most_unpacked(len(packed))
@@ -62,7 +62,7 @@ def unpacked(packed: bytes, compression: str, most: int | None = None) -> bytes:
 
 
 def unpacker(compression: str) -> Callable[[bytes], bytes]:
-    """Return what unpacks with one compression."""
+    """Return a function that unpacks data of a compression."""
     return partial(unpacked, compression=compression)
 
 
@@ -73,15 +73,15 @@ def unpack_file(file: Path, target: Path) -> None:
     Raises
     ------
     DamageError
-        If it unpacks to more than can be meant.
+        If the unpacked data exceed the limit.
 
     """
     with open_input(file) as packed, target.open('wb') as unpacked_file:
-        left = most_unpacked(packed.seek(0, os.SEEK_END))
+        remaining = most_unpacked(packed.seek(0, os.SEEK_END))
         packed.seek(0)
         pieces = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
         while piece := pieces.read(_PIECE):
-            left -= len(piece)
-            if left < 0:
+            remaining -= len(piece)
+            if remaining < 0:
                 raise DamageError(_TOO_MUCH)
             unpacked_file.write(piece)

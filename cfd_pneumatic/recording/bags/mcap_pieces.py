@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where in an mcap file its messages are, whatever is left of the file: in chunks, and outside of them."""
+"""Places of the messages in an mcap file, whole or damaged: in chunks and outside of chunks."""
 
 from __future__ import annotations
 
@@ -29,54 +29,54 @@ from cfd_pneumatic.recording.bags.compression import most_unpacked, unpacked
 MAGIC = b'\x89MCAP0\r\n'
 
 HEAD = struct.Struct('<BQ')
-"""What a record is, and the length of its content."""
+"""Head of a record: opcode, and length of the content."""
 
 CHUNK = struct.Struct('<QQQII')
-"""What a chunk's content begins with: first and last time, size and checksum unpacked, length of the next word."""
+"""Begin of a chunk's content: first and last time, unpacked size and checksum, length of the compression's name."""
 
 ENTRY = np.dtype([('time', '<u8'), ('offset', '<u8')])
-"""What an index tells of a message: when it was received and where its record begins."""
+"""Entry of an index for a message: time of reception, and position of the record."""
 
 _MESSAGE = struct.Struct('<HIQ')
-"""What a message's content begins with: channel, sequence, time of reception."""
+"""Begin of a message's content: channel, sequence, time of reception."""
 
 _DATA_END = struct.Struct('<BQI')
-"""The record behind all data: what it is, its length, and the checksum of everything before."""
+"""Record after all data: opcode, length, and checksum of all preceding bytes."""
 
 _FOOTER = HEAD.size + 20 + len(MAGIC)
-"""Bytes with which a file ends."""
+"""Length of the footer and the final magic [bytes]."""
 
 _BEGINNING = 128
-"""Bytes of a record that tell all that has to be known of it."""
+"""Bytes of a record's beginning that are sufficient to classify the record."""
 
 _RESERVED = range(0x10, 0x80)
-"""No records are these; from 0x80 on they are somebody's own."""
+"""Opcodes without a record; opcodes from 0x80 on are private extensions."""
 
 _RUN = 2**20
-"""Bytes of records outside of chunks that are read together."""
+"""Largest run of records outside of chunks [bytes]."""
 
 
 @dataclass
 class Piece:
     """
-    A chunk, a run of records outside of chunks, or something that is too damaged to say.
+    A piece of an mcap file: a chunk, a run of records outside of chunks, or a damaged span.
 
     Attributes
     ----------
     begin, end : int
-        Where in the file it is.
+        Position in the file [bytes].
     start, stop : int
-        Times of its first and last message [ns], so far as they are known, else 0.
+        Times of the first and last message [ns]; 0 if not known.
     chunk : bool
-        Whether it is a chunk.
+        Whether the piece is a chunk.
     checked : bool
-        Whether it has a checksum of its own.
+        Whether the piece has a checksum.
     damaged : bool
-        Whether nothing of it is to be used.
+        Whether the piece is unusable.
     index_end : int
-        Where the records end that follow a chunk and say where in it the messages of a channel are.
+        End of the index records that follow a chunk.
     places : dict
-        By channel, where these records begin; empty where it's not known what channels there are.
+        Position of each channel's index record, by channel; empty if the channels are not known.
 
     """
 
@@ -92,12 +92,12 @@ class Piece:
 
     def content(self, stream: IO[bytes]) -> bytes:
         """
-        Return the records in it.
+        Return the records of the piece.
 
         Raises
         ------
-        DamageError, or whatever else damage makes a decompressor raise
-            If they are not what was written, so far as a checksum or the size can tell.
+        Exception
+            If the records are damaged: a DamageError for a wrong size or checksum, or any error of a decompressor.
 
         """
         if self.damaged:
@@ -109,24 +109,24 @@ class Piece:
         chunk = Chunk.read(ReadDataStream(stream))
         content = _unpacked(chunk)
         if len(content) != chunk.uncompressed_size:
-            raise DamageError('does not have the size that it should have')
+            raise DamageError('has a wrong size')
         if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
-            raise DamageError('does not have the checksum that it should have')
+            raise DamageError('has a wrong checksum')
         return content
 
 
 def _unpacked(chunk: Chunk) -> bytes:
-    """Return what a chunk holds, a byte more than it declares at most."""
+    """Return the unpacked content of a chunk, at most one byte more than its declared size."""
     packed, size = chunk.data, chunk.uncompressed_size
     if size > most_unpacked(len(packed)):
-        raise DamageError('declares more than it can hold')
+        raise DamageError('declares an impossible size')
     if chunk.compression == 'zstd' and zstandard.frame_content_size(packed) not in (-1, size):
-        raise DamageError('does not have the size that it should have')
+        raise DamageError('has a wrong size')
     return unpacked(packed, chunk.compression, size + 1)
 
 
 def flaw(file: Path) -> str | None:
-    """Return what is wrong with the beginning and the end of a file, None if nothing is."""
+    """Return a description of damage to the beginning or the end of a file; None if both are sound."""
     with open_input(file) as stream:
         return _flaw(stream)
 
@@ -150,8 +150,8 @@ def _flaw(stream: IO[bytes]) -> str | None:
 
 
 def summary_of(stream: IO[bytes]) -> Summary | None:
-    """Return the summary of a file, None where there is no sound one."""
-    with suppress(Exception):  # whatever damage makes its reader stumble over
+    """Return the summary of a file; None if the summary is missing or damaged."""
+    with suppress(Exception):  # the reader raises exceptions of any type for damaged files
         if _flaw(stream) is None:
             stream.seek(0)
             return make_reader(stream).get_summary()
@@ -159,7 +159,7 @@ def summary_of(stream: IO[bytes]) -> Summary | None:
 
 
 def walk(content: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield what each record is, and where it begins and ends."""
+    """Yield the opcode, the begin and the end of each record."""
     begin = 0
     while begin < len(content):
         opcode, end = _record(content[begin : begin + HEAD.size], begin, len(content))
@@ -169,10 +169,10 @@ def walk(content: bytes) -> Iterator[tuple[int, int, int]]:
 
 def find_pieces(stream: IO[bytes], summary: Summary | None) -> list[Piece]:
     """
-    Return the pieces of a file, in its order.
+    Return the pieces of a file in the order of the file.
 
-    Where the length of a record is damaged it goes on with the next chunk that the summary knows of. Without a sound
-    summary all that follows is lost.
+    After a record with a damaged length, the search continues at the next chunk of the summary. Without a sound summary
+    the following records are lost.
     """
     size = stream.seek(0, os.SEEK_END)
     known: dict[int, ChunkIndex] = {}
@@ -180,49 +180,49 @@ def find_pieces(stream: IO[bytes], summary: Summary | None) -> list[Piece]:
         stream.seek(-_FOOTER, os.SEEK_END)
         size = _footer(stream.read()).summary_start or size
         known = {index.chunk_start_offset: index for index in summary.chunk_indexes}
-    walk = _Walk(stream, known)
-    walk.along(size)
-    return walk.pieces
+    collector = _PieceCollector(stream, known)
+    collector.collect(size)
+    return collector.pieces
 
 
-class _Walk:
-    """Goes along the records of a file, of which some chunks may be known, and collects its pieces."""
+class _PieceCollector:
+    """Collector of the pieces of a file; the positions of its chunks may be known from a summary."""
 
     def __init__(self, stream: IO[bytes], known: Mapping[int, ChunkIndex]) -> None:
         self.pieces: list[Piece] = []
         self._stream = stream
         self._known = known
-        self._indexed: Piece | None = None  # the chunk that the records around here tell of
+        self._indexed: Piece | None = None  # the chunk to which the next index records belong
         self._data_end = 0
 
-    def along(self, size: int) -> None:
-        """Go along so many bytes."""
+    def collect(self, size: int) -> None:
+        """Collect the pieces in the first bytes of the file, `size` in number."""
         barriers = [*sorted(self._known), size]
         position = len(MAGIC)
         while position < size and not self._data_end:
             barrier = barriers[bisect_right(barriers, position)]
             self._stream.seek(position)
             try:
-                position = self._take(position, self._stream.read(_BEGINNING), barrier)
+                position = self._add_record(position, self._stream.read(_BEGINNING), barrier)
             except (ValueError, struct.error):
-                self._lose(position, barrier)
+                self._add_damaged(position, barrier)
                 position = barrier
         if self._indexed is not None and not self._data_end:
-            self._indexed.places.clear()  # the file may be cut off among the records that tell of it
-        self._check(self._data_end or size - _DATA_END.size)
+            self._indexed.places.clear()  # the file may be cut off among the chunk's index records
+        self._reject_unchecked(self._data_end or size - _DATA_END.size)
 
-    def _take(self, begin: int, head: bytes, barrier: int) -> int:
-        """Take a record, and return where it ends."""
+    def _add_record(self, begin: int, head: bytes, barrier: int) -> int:
+        """Add a record to the pieces, and return its end."""
         opcode, end = _record(head, begin, barrier)
         if opcode == Opcode.CHUNK:
             self._indexed = self._chunk(begin, end, head)
             self._add(self._indexed)
         elif begin in self._known:
-            raise DamageError('is no chunk')
+            raise DamageError('is not a chunk')
         elif opcode == Opcode.MESSAGE_INDEX:
             self._index(begin, end, head)
         elif opcode in _RESERVED:
-            self._lose(begin, end)
+            self._add_damaged(begin, end)
         else:
             self._indexed = None
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE):
@@ -244,13 +244,13 @@ class _Walk:
     def _index(self, begin: int, end: int, head: bytes) -> None:
         (channel,) = struct.unpack_from('<H', head, HEAD.size)
         if self._indexed is None or channel in self._indexed.places:
-            self._lose(begin, end)  # its chunk was not known for one
+            self._add_damaged(begin, end)  # the record's chunk was not recognised
         else:
             self._indexed.places[channel] = begin
             self._indexed.index_end = end
 
     def _extend(self, begin: int, end: int, time: int) -> None:
-        """Add a record to the run of those before it."""
+        """Add a record to the preceding run of records."""
         run = self.pieces[-1] if self.pieces else None
         if run is None or run.chunk or run.damaged or run.end != begin or end - run.begin > _RUN:
             run = Piece(begin, begin, time, time)
@@ -265,8 +265,8 @@ class _Walk:
             self.pieces[-1].stop = self.pieces[-1].stop or piece.start
         self.pieces.append(piece)
 
-    def _lose(self, begin: int, end: int) -> None:
-        """Note that something is damaged; where the summary knows the chunks it tells whether it was one."""
+    def _add_damaged(self, begin: int, end: int) -> None:
+        """Add a damaged piece; with a summary, only if the piece is a chunk of the summary."""
         if self._indexed is not None:
             self._indexed.places.clear()
             self._indexed = None
@@ -276,12 +276,12 @@ class _Walk:
         elif not self._known and not (self.pieces and self.pieces[-1].damaged):
             self._add(Piece(begin, end, self.pieces[-1].stop if self.pieces else 0, damaged=True))
 
-    def _check(self, end: int) -> None:
+    def _reject_unchecked(self, end: int) -> None:
         """
-        Trust nothing without a checksum of its own where that of all data, if there is one, is wrong.
+        Mark pieces without a checksum as damaged if the checksum of all data is wrong.
 
-        Nor messages outside of chunks where chunks have checksums and something is damaged: they may be out of a chunk
-        the head of which is gone.
+        If chunks have checksums and a piece is damaged, messages outside of chunks are marked, too: they may belong to
+        a chunk with a damaged head.
         """
         unchecked = [piece for piece in self.pieces if not piece.checked]
         if len(unchecked) < len(self.pieces) and any(piece.damaged for piece in unchecked):
@@ -298,11 +298,11 @@ class _Walk:
 
 
 def _record(head: bytes, begin: int, barrier: int) -> tuple[int, int]:
-    """Return what a record is and where it ends."""
+    """Return the opcode and the end of a record."""
     opcode, length = HEAD.unpack_from(head)
     end = begin + HEAD.size + length
     if not opcode or end > barrier:
-        raise DamageError('has a length that cannot be')
+        raise DamageError('has an impossible length')
     return opcode, end
 
 
@@ -312,7 +312,7 @@ def _footer(end: bytes) -> Footer:
 
 
 def _checksum(stream: IO[bytes], begin: int, end: int) -> int:
-    """Return the checksum of some bytes of a file."""
+    """Return the checksum of a span of a file."""
     stream.seek(begin)
     checksum = 0
     while begin < end and (part := stream.read(min(_RUN, end - begin))):

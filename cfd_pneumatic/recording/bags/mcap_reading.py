@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading an mcap file chunk by chunk: its index tells where in a chunk the messages of a topic are."""
+"""Read an mcap file chunk by chunk; its index has the places of a topic's messages in a chunk."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MESSAGE_HEAD = HEAD.size + 22
 """Bytes of a message's record before its payload: channel, sequence, times of reception and of publishing."""
 
 _CHANNEL, _TIME = HEAD.size, HEAD.size + 6
-"""Where in a message's record the channel and the time of reception are."""
+"""Positions of the channel and of the time of reception in a message's record."""
 
 
 class McapFile:
@@ -43,13 +43,13 @@ class McapFile:
     Attributes
     ----------
     connections : list of Connection
-        Its topics: as its summary tells, or else those of which something can be read.
+        Topics according to the summary; without a summary, the topics with readable messages.
     start_time : int
         Time of the first message [ns].
     strays : int
-        Messages that belong to no topic.
+        Number of messages that belong to no topic.
     left_out : list of Span
-        Times of which messages were left out while reading, because they are damaged.
+        Times of damaged messages that were left out.
 
     """
 
@@ -59,36 +59,36 @@ class McapFile:
         with open_input(path) as stream:
             summary = summary_of(stream)
             self._pieces = find_pieces(stream, summary)
-            told = None if summary is None else self._told(summary)
-            self.connections, self.strays = self._scan(stream) if told is None else (told, 0)
+            connections = None if summary is None else self._summarised_topics(summary)
+            self.connections, self.strays = self._scan(stream) if connections is None else (connections, 0)
         self.start_time = next((piece.start for piece in self._pieces if piece.start or piece.stop), 0)
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
         """
-        Yield the messages of some topics, for each in the order of reception.
+        Yield the messages of given topics; each topic's messages come in order of reception.
 
-        Where chunks overlap in time, messages wait for those of later chunks that were received before them.
+        If chunks overlap in time, messages wait for earlier messages in later chunks.
         """
         by_topic: dict[str, list[Connection]] = {}
         for connection in connections:
             by_topic.setdefault(connection.topic, []).append(connection)
-        topics = [_Topic(same, self._pieces) for same in by_topic.values()]
+        topics = [_TopicSorter(same_topic, self._pieces) for same_topic in by_topic.values()]
         with open_input(self._path) as stream:
             for piece in self._pieces:
-                within = [topic for topic in topics if topic.may_be_in(piece)]
-                if not within:
+                possible = [topic for topic in topics if topic.may_be_in(piece)]
+                if not possible:
                     continue
                 try:
                     block, channels = _read(stream, piece)
-                except Exception:  # whatever damage makes a decompressor stumble over
+                except Exception:  # decompressors raise exceptions of any type for damaged chunks
                     self.left_out.append((piece.start, piece.stop))
-                    block, channels = MessageBlock.of([], []), np.empty(0, np.int64)
-                for topic in within:
-                    its = np.isin(channels, topic.channels)
-                    yield topic.connection, topic.take(block[np.flatnonzero(its)])
+                    block, channels = MessageBlock.from_payloads([], []), np.empty(0, np.int64)
+                for topic in possible:
+                    is_of_topic = np.isin(channels, topic.channels)
+                    yield topic.connection, topic.add(block[np.flatnonzero(is_of_topic)])
 
-    def _told(self, summary: Summary) -> list[Connection] | None:
-        """Return the topics that a summary tells of; None where it leaves something out, as it may."""
+    def _summarised_topics(self, summary: Summary) -> list[Connection] | None:
+        """Return the topics of a summary; None if the summary is incomplete, which the format allows."""
         if summary.statistics is None:
             return None
         counts = summary.statistics.channel_message_counts
@@ -101,12 +101,12 @@ class McapFile:
         return self._connections(summary.channels, summary.schemas, counts)
 
     def _scan(self, stream: IO[bytes]) -> tuple[list[Connection], int]:
-        """Return the topics of which something can be read, and the number of messages of no topic."""
+        """Return the topics with readable messages, and the number of messages that belong to no topic."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         counts: Counter[int] = Counter()
         for piece in self._pieces:
-            with suppress(Exception):  # as in reading
+            with suppress(Exception):  # `blocks` reports damaged pieces
                 content = piece.content(stream)
                 for opcode, begin, end in walk(content):
                     record = ReadDataStream(BytesIO(content[begin + HEAD.size : end]))
@@ -116,16 +116,16 @@ class McapFile:
                     elif opcode == Opcode.CHANNEL:
                         channel = Channel.read(record)
                         channels[channel.id] = channel
-                _, ids = _messages(content, _walked(content))
+                _, ids = _messages(content, _find_messages(content))
                 counts.update(ids.tolist())
-        found = {number: channel for number, channel in channels.items() if counts[number]}
-        connections = self._connections(found, schemas, counts)
+        with_messages = {number: channel for number, channel in channels.items() if counts[number]}
+        connections = self._connections(with_messages, schemas, counts)
         return connections, counts.total() - sum(connection.msgcount for connection in connections)
 
     def _connections(
         self, channels: Mapping[int, Channel], schemas: Mapping[int, Schema], counts: Mapping[int, int]
     ) -> list[Connection]:
-        """Return channels as rosbags has them, with the number of messages of each."""
+        """Return channels as connections of rosbags, with the number of messages of each."""
         definitions = {
             schema.id: MessageDefinition(
                 FORMATS.get(schema.encoding, MessageDefinitionFormat.NONE), schema.data.decode(errors='replace')
@@ -148,20 +148,20 @@ class McapFile:
 
 
 def _type_name(name: str) -> str:
-    """Return the name of a type as ROS 2 has it, also of ROS 1's: package/msg/Name."""
-    package, _, own = name.partition('/')
-    return f'{package}/msg/{own}' if own and '/' not in own else name
+    """Return the name of a type of ROS 1 or ROS 2 in the notation of ROS 2: package/msg/Name."""
+    package, _, type_name = name.partition('/')
+    return f'{package}/msg/{type_name}' if type_name and '/' not in type_name else name
 
 
-class _Topic:
-    """Brings the messages of a topic, which come a piece at a time, into the order of reception."""
+class _TopicSorter:
+    """Sorter of a topic's messages, which come piece by piece, by their times of reception."""
 
     def __init__(self, connections: Sequence[Connection], pieces: Sequence[Piece]) -> None:
         self.connection = connections[0]
         self.channels = np.array([connection.id for connection in connections])
         self._channels = frozenset(self.channels.tolist())
         begins = [
-            piece.start if piece.places or piece.stop else NEVER  # a chunk without messages is of time 0
+            piece.start if piece.places or piece.stop else NEVER  # a chunk without messages has time 0
             for piece in pieces
             if self.may_be_in(piece)
         ]
@@ -169,11 +169,11 @@ class _Topic:
         self._waiting: list[MessageBlock] = []
 
     def may_be_in(self, piece: Piece) -> bool:
-        """Return whether a piece holds messages of the topic, so far as it is known."""
+        """Return whether a piece may hold messages of the topic."""
         return not piece.places or not self._channels.isdisjoint(piece.places)
 
-    def take(self, block: MessageBlock) -> MessageBlock:
-        """Take the messages of the next piece, and return all that came before those of later pieces."""
+    def add(self, block: MessageBlock) -> MessageBlock:
+        """Add the messages of the next piece; return all messages that are earlier than those of later pieces."""
         limit = next(self._limits)
         queue = [*self._waiting, block[np.argsort(block.times, kind='stable')]]
         ready = [int(np.searchsorted(block.times, limit, side='right')) for block in queue]
@@ -185,8 +185,8 @@ def _read(stream: IO[bytes], piece: Piece) -> tuple[MessageBlock, NDArray[np.int
     """
     Return the messages of a piece in the order of the file, and their channels.
 
-    The index of a chunk only saves time: where it is not right, and a checksum says that the chunk is, the chunk is
-    gone through.
+    The index of a chunk only saves time. If the index is wrong but the chunk has a checksum, the function walks
+    through the chunk's records.
     """
     content = piece.content(stream)
     try:
@@ -196,46 +196,46 @@ def _read(stream: IO[bytes], piece: Piece) -> tuple[MessageBlock, NDArray[np.int
     except (ValueError, struct.error):
         if not piece.checked:
             raise
-    return _messages(content, _walked(content))
+    return _messages(content, _find_messages(content))
 
 
 def _indexed(content: bytes, index: bytes, piece: Piece) -> tuple[MessageBlock, NDArray[np.int64]]:
-    """Return the messages of a chunk, and their channels, where its index says that they are."""
+    """Return the messages at the places in a chunk's index, and their channels."""
     entries = {channel: _entries(index, place - piece.end) for channel, place in piece.places.items()}
-    together = np.concatenate(list(entries.values()))
-    order = np.argsort(together['offset'], kind='stable')
-    records = together['offset'][order].astype(np.int64)
+    all_entries = np.concatenate(list(entries.values()))
+    order = np.argsort(all_entries['offset'], kind='stable')
+    records = all_entries['offset'][order].astype(np.int64)
     if records.size and not 0 <= records[0] <= records[-1] <= len(content) - _MESSAGE_HEAD:
         raise DamageError('the index of a chunk does not lead to its messages')
     block, channels = _messages(content, records)
-    right = gather(content, 'u1', records) == Opcode.MESSAGE
-    right &= block.times == together['time'][order].astype(np.int64)
-    right &= channels == np.repeat(list(entries), [len(some) for some in entries.values()])[order]
-    behind, following = np.append(0, block.starts + block.sizes), np.append(records, len(content))
-    if not right.all() or (behind > following).any():
+    is_right = gather(content, 'u1', records) == Opcode.MESSAGE
+    is_right &= block.times == all_entries['time'][order].astype(np.int64)
+    is_right &= channels == np.repeat(list(entries), [len(rows) for rows in entries.values()])[order]
+    ends, next_begins = np.append(0, block.starts + block.sizes), np.append(records, len(content))
+    if not is_right.all() or (ends > next_begins).any():
         raise DamageError('the index of a chunk does not lead to its messages')
-    between = np.flatnonzero(behind < following)
-    if any(len(_walked(content[behind[gap] : following[gap]])) for gap in between):
-        return _messages(content, _walked(content))  # there are more messages than the index tells of
+    gaps = np.flatnonzero(ends < next_begins)
+    if any(len(_find_messages(content[ends[gap] : next_begins[gap]])) for gap in gaps):
+        return _messages(content, _find_messages(content))  # the index lacks some messages
     return block, channels
 
 
 def _entries(index: bytes, place: int) -> NDArray[np.void]:
-    """Return the times and places of a channel's messages, from the record at a place."""
+    """Return the times and offsets of a channel's messages, from the index record at a place."""
     (size,) = struct.unpack_from('<I', index, place + HEAD.size + 2)
     return np.frombuffer(index, ENTRY, size // ENTRY.itemsize, place + HEAD.size + 6)
 
 
-def _walked(content: bytes) -> NDArray[np.int64]:
-    """Return where messages begin, by going from record to record."""
+def _find_messages(content: bytes) -> NDArray[np.int64]:
+    """Return the positions of message records, found by walking from record to record."""
     return np.array([begin for opcode, begin, _ in walk(content) if opcode == Opcode.MESSAGE], np.int64)
 
 
 def _messages(content: bytes, records: NDArray[np.int64]) -> tuple[MessageBlock, NDArray[np.int64]]:
-    """Return the messages that begin at some places, and their channels."""
+    """Return the messages whose records begin at given positions, and their channels."""
     sizes = gather(content, '<u8', records + 1).astype(np.int64) + (HEAD.size - _MESSAGE_HEAD)
     if (sizes < 0).any():
-        raise DamageError('a message is shorter than can be')
+        raise DamageError('a message is shorter than possible')
     times = gather(content, '<u8', records + _TIME).astype(np.int64)
     channels = gather(content, '<u2', records + _CHANNEL).astype(np.int64)
     return MessageBlock(times, content, records + _MESSAGE_HEAD, sizes), channels

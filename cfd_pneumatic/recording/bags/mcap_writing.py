@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing an mcap file in whole chunks, with checksums; NumPy puts times, places and payloads into bytes."""
+"""Write an mcap file in whole chunks with checksums; NumPy assembles the records."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ _HEAD_OF_MESSAGE = np.dtype(
         ('published', '<u8'),
     ]
 )
-"""A message's record before its payload."""
+"""Fields of a message's record before its payload."""
 
 _INDEX = struct.Struct('<BQHI')
-"""A message index before its entries: what it is, its length, channel, bytes of the entries."""
+"""Fields of a message index before its entries: opcode, length, channel, bytes of the entries."""
 
-_UNTOLD = 2 + 4 + 8 + 8  # bytes of a message's record behind its length
+_HEAD_LENGTH = 2 + 4 + 8 + 8  # bytes of a message's record between its length and its payload
 
 
 class McapWriter:
     """
-    An mcap file of a bag that is written, as rosbags' `Writer` takes a storage.
+    Writer of a bag's mcap file, with the interface of a storage for rosbags' `Writer`.
 
     Parameters
     ----------
@@ -73,15 +73,15 @@ class McapWriter:
         self._write(MAGIC, _bytes(Header(profile='ros2', library='cfd_pneumatic')))
 
     def add_msgtype(self, connection: Connection) -> None:
-        """Take a message type's definition."""
-        encoding = next(name for name, own in FORMATS.items() if own is connection.msgdef.format)
+        """Add the definition of a message type."""
+        encoding = next(name for name, format_ in FORMATS.items() if format_ is connection.msgdef.format)
         definition = connection.msgdef.data.encode()
         schema = Schema(id=len(self._schemas) + 1, name=connection.msgtype, encoding=encoding, data=definition)
         self._schemas[connection.msgtype] = schema
         self._announced += _bytes(schema)
 
     def add_connection(self, connection: Connection, offered_qos_profiles: str) -> None:
-        """Take a topic."""
+        """Add a topic."""
         channel = Channel(
             id=connection.id,
             schema_id=self._schemas[connection.msgtype].id,
@@ -94,11 +94,11 @@ class McapWriter:
         self._announced += _bytes(channel)
 
     def write(self, connection: Connection, timestamp: int, data: bytes | memoryview) -> None:
-        """Write one message in a chunk of its own."""
-        self.write_chunk([(connection, MessageBlock.of([timestamp], [bytes(data)]))])
+        """Write a message as a separate chunk."""
+        self.write_chunk([(connection, MessageBlock.from_payloads([timestamp], [bytes(data)]))])
 
     def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
-        """Write messages of several topics as one chunk, in the order of reception."""
+        """Write messages of several topics as one chunk, in order of reception."""
         records, indexes = _interleaved(blocks)
         content = self._announced + records
         times = np.concatenate([block.times for _, block in blocks])
@@ -131,12 +131,12 @@ class McapWriter:
         )
 
     def close(self, version: int, metadata: str) -> None:
-        """Write what tells where everything is, and close the file."""
+        """Write the metadata and the summary with the indexes, and close the file."""
         if self._announced:
             self._write(self._announced)  # topics without messages
         begin = self._stream.tell()
-        own = Metadata(name='rosbag2', metadata={'serialized_metadata': metadata})
-        self._write(_bytes(own))
+        bag_metadata = Metadata(name='rosbag2', metadata={'serialized_metadata': metadata})
+        self._write(_bytes(bag_metadata))
         length = self._stream.tell() - begin
         self._write(_bytes(DataEnd(data_section_crc=self._crc)))
         summary_start = self._stream.tell()
@@ -161,7 +161,7 @@ class McapWriter:
         self._stream.close()
 
     def abort(self) -> None:
-        """Close the file as it is."""
+        """Close the file without completing it."""
         self._stream.close()
 
     def _write(self, *parts: bytes) -> None:
@@ -171,7 +171,7 @@ class McapWriter:
 
 
 def _interleaved(blocks: Sequence[tuple[Connection, MessageBlock]]) -> tuple[bytes, dict[int, NDArray[np.void]]]:
-    """Return the records of messages, the earliest first, and by channel an index of where in them each begins."""
+    """Return the records of messages, the earliest first, and by channel an index of each record's position."""
     order = np.argsort(np.concatenate([block.times for _, block in blocks]), kind='stable')
     sizes = (_HEAD_OF_MESSAGE.itemsize + np.concatenate([block.sizes for _, block in blocks]))[order]
     places = np.empty_like(sizes)
@@ -182,18 +182,19 @@ def _interleaved(blocks: Sequence[tuple[Connection, MessageBlock]]) -> tuple[byt
         index = np.empty(len(block), ENTRY)
         index['time'], index['offset'] = block.times, places[first : first + len(block)]
         for size in np.unique(block.sizes).tolist():
-            chosen = block.sizes == size
-            records = _records(connection.id, block.times[chosen], gather(block.data, f'V{size}', block.starts[chosen]))
-            scatter(records, content, index['offset'][chosen])
+            has_size = block.sizes == size
+            payloads = gather(block.data, f'V{size}', block.starts[has_size])
+            records = _records(connection.id, block.times[has_size], payloads)
+            scatter(records, content, index['offset'][has_size])
         indexes[connection.id], first = index, first + len(block)
     return bytes(content), indexes
 
 
 def _records(channel: int, times: NDArray[np.int64], payloads: NDArray[np.void]) -> NDArray[np.void]:
-    """Return the records of messages of one size."""
+    """Return the records of messages of equal size."""
     records = np.empty(times.size, [('head', _HEAD_OF_MESSAGE), ('payload', payloads.dtype)])
     head = records['head']
-    head['opcode'], head['length'] = Opcode.MESSAGE, _UNTOLD + payloads.dtype.itemsize
+    head['opcode'], head['length'] = Opcode.MESSAGE, _HEAD_LENGTH + payloads.dtype.itemsize
     head['channel'], head['sequence'] = channel, 0
     head['received'] = head['published'] = times
     records['payload'] = payloads

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`metadata.yaml` of a bag: which files it consists of, and how they are compressed."""
+"""`metadata.yaml` of a bag: its files and their compression."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ Compression = Literal['none', 'file', 'message']
 @dataclass(frozen=True)
 class Metadata:
     """
-    What is used of a bag's metadata; the files themselves say the rest.
+    Metadata of a bag that the reader needs.
 
     Attributes
     ----------
     files : tuple of Path
-        The files, all in the folder of the metadata.
+        Files of the bag, in the folder of the metadata.
     storage : StorageName
-        Their format.
+        Format of the files.
     compression : Compression
-        Whether files as a whole, or messages one by one, are compressed with zstd.
+        Whether whole files or single messages are compressed with zstd.
     remarks : dict
-        Texts by their keys; `BagWriter.remark` writes them.
+        Texts by key; `BagWriter.remark` writes them.
 
     """
 
@@ -49,7 +49,7 @@ def read_metadata(path: Path) -> Metadata:
     Raises
     ------
     InputError
-        If they can't be read, or are none that this program knows.
+        If the metadata cannot be read, or are of an unknown kind.
 
     """
     try:
@@ -57,11 +57,11 @@ def read_metadata(path: Path) -> Metadata:
     except InputError as error:
         raise InputError(str(error).removeprefix(f'{path}: ')) from error
     try:
-        told = content[_ROOT]
-        names = [PurePath(name).name for name in told['relative_file_paths']]
-        storage, compression = told['storage_identifier'], (told.get('compression_mode') or 'none').lower()
-        packing = told.get('compression_format')
-        custom = told.get('custom_data')
+        entries = content[_ROOT]
+        names = [PurePath(name).name for name in entries['relative_file_paths']]
+        storage, compression = entries['storage_identifier'], (entries.get('compression_mode') or 'none').lower()
+        packing = entries.get('compression_format')
+        custom = entries.get('custom_data')
         remarks = {str(key): str(text) for key, text in custom.items()} if isinstance(custom, dict) else {}
     except (AttributeError, LookupError, TypeError, ValueError) as error:
         raise InputError(f'it lacks {_ROOT} with relative_file_paths and storage_identifier') from error
@@ -71,9 +71,9 @@ def read_metadata(path: Path) -> Metadata:
         ('compression_format', packing, ('zstd',) if compression != 'none' else (packing,)),
     ):
         if value not in known:
-            raise InputError(f'its {key} is none of {", ".join(known)}')
+            raise InputError(f'its {key} is not one of {", ".join(known)}')
     files = tuple(path.parent / name for name in dict.fromkeys(names) if not name.startswith('.'))
     missing = sum(not file.exists() for file in files)
     if missing or not files:
-        raise InputError(f'{missing} of the {len(files)} files that it names are not there')
-    return Metadata(files, storage, compression, remarks)  # type: ignore[arg-type]  # one of those known
+        raise InputError(f'{missing} of the {len(files)} files that it names are missing')
+    return Metadata(files, storage, compression, remarks)  # type: ignore[arg-type]  # checked above

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Read a sqlite3 file, or what is left of a damaged one; write many messages at a time."""
+"""Read a sqlite3 file, whole or damaged; write many messages at a time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import open_input
-from cfd_pneumatic.messages import FORMATS, NEVER, MessageBlock, OneByOne
+from cfd_pneumatic.messages import FORMATS, NEVER, GroupingReader, MessageBlock
 
 _SQLITE_MAGIC = b'SQLite format 3\0'
 _SQLITE_HEADER = 32
@@ -29,12 +29,12 @@ _NO_DEFINITION = MessageDefinition(MessageDefinitionFormat.NONE, '')
 
 def flaw(file: Path) -> str | None:
     """
-    Return what is wrong with a file, None if nothing is.
+    Return a description of damage to a file; None if no damage is visible.
 
     Raises
     ------
     InputError
-        If it computes what a bag stores.
+        If the file computes the data instead of storing them.
 
     """
     with open_input(file) as stream:
@@ -48,54 +48,54 @@ def flaw(file: Path) -> str | None:
     return 'is cut off' if size < pages * _page_size(header) else None
 
 
-def open_sqlite(path: Path, stack: ExitStack) -> OneByOne:
+def open_sqlite(path: Path, stack: ExitStack) -> GroupingReader:
     """
-    Return the messages of a whole file in the order of their times; a stack closes it.
+    Return the messages of a whole file in the order of their times; a stack closes the file.
 
     Raises
     ------
     sqlite3.Error
-        If it is damaged.
+        If the file is damaged.
 
     """
-    return _file(stack.enter_context(closing(_opened(path))), salvage=False)
+    return _reader(stack.enter_context(closing(_opened(path))), salvage=False)
 
 
-def salvage_sqlite(path: Path, stack: ExitStack) -> OneByOne:
-    """Return the messages of a file that can still be read, in the order of writing; a stack closes it."""
+def salvage_sqlite(path: Path, stack: ExitStack) -> GroupingReader:
+    """Return the readable messages of a damaged file in the order of writing; a stack closes the file."""
     copy = Path(stack.enter_context(TemporaryDirectory())) / 'whole_pages.db3'
     _copy_whole_pages(path, copy)
     database = stack.enter_context(closing(sqlite3.connect(copy)))
-    database.execute('PRAGMA writable_schema = ON')  # or SQLite refuses a file shorter than it should be
+    database.execute('PRAGMA writable_schema = ON')  # otherwise SQLite refuses a file that was cut off
     with suppress(*_ERRORS):
         _refuse_computed(database)
-    return _file(database, salvage=True)
+    return _reader(database, salvage=True)
 
 
 def _opened(file: Path) -> sqlite3.Connection:
-    """Open a database for reading; what lies beside it, as a recorder that was killed leaves it, is not opened."""
+    """Open a database for reading, without the log that a killed recorder may leave next to the database."""
     return sqlite3.connect(f'{file.absolute().as_uri()}?mode=ro&immutable=1', uri=True)
 
 
 def _refuse_computed(database: sqlite3.Connection) -> None:
-    """Refuse views, virtual tables and generated columns for a bag's tables: they have no end, or are of any size."""
+    """Refuse views, virtual tables and generated columns in a bag's tables: their rows may be endless or huge."""
     computed = database.execute(
         'SELECT tables.name FROM sqlite_master AS tables, pragma_table_xinfo(tables.name) AS columns '
         "WHERE tables.name IN ('messages', 'topics', 'schema', 'metadata', 'message_definitions') "
         "AND (tables.type != 'table' OR tables.rootpage = 0 OR columns.hidden)"
     ).fetchone()
     if computed:
-        raise InputError(f'is no bag: its {computed[0]} are not stored, but computed')
+        raise InputError(f'is not a bag: {computed[0]} is an SQL view or has generated columns; export it as a table')
 
 
-def _file(database: sqlite3.Connection, *, salvage: bool) -> OneByOne:
-    """Return a database as a file of a bag."""
-    messages = _Messages(database, salvage)
-    return OneByOne(messages, messages.start_time, strays=messages.strays)
+def _reader(database: sqlite3.Connection, *, salvage: bool) -> GroupingReader:
+    """Return a reader of a database that yields blocks of messages."""
+    messages = _DatabaseReader(database, salvage)
+    return GroupingReader(messages, messages.start_time, strays=messages.strays)
 
 
-class _Messages:
-    """The messages of a database, whole or to be salvaged, and the topics, with the number of messages of each."""
+class _DatabaseReader:
+    """Reader of the messages and topics of a database, whole or damaged."""
 
     def __init__(self, database: sqlite3.Connection, salvage: bool) -> None:
         self._database = database
@@ -120,7 +120,7 @@ class _Messages:
         self.strays = sum(counts.values())
 
     def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield the messages of some topics: topic, time of reception [ns], payload."""
+        """Yield the messages of given topics: topic, time of reception [ns], payload."""
         wanted = {connection.id: connection for connection in connections}
         if self._salvage:
             query = f'SELECT topic_id, timestamp, data FROM messages NOT INDEXED WHERE {_STORED}'
@@ -135,7 +135,7 @@ class _Messages:
                 yield wanted[number], time, payload
 
     def _count(self) -> tuple[int, dict[int, int]]:
-        """Return the time of the first message [ns], and how many there are of each topic."""
+        """Return the time of the first message [ns], and the number of messages of each topic."""
         counts: dict[int, int] = {}
         if not self._salvage:
             start = NEVER
@@ -151,7 +151,7 @@ class _Messages:
         return start, counts
 
     def _definitions(self) -> dict[str, MessageDefinition]:
-        """Return the definitions of messages by their types; ROS 2 Humble and its predecessors store none."""
+        """Return the definitions of messages by type; ROS 2 Humble and earlier versions store no definitions."""
         query = "SELECT name FROM sqlite_master WHERE name = 'message_definitions'"
         if not list(self._rows(query)):
             return {}
@@ -159,14 +159,14 @@ class _Messages:
             name: MessageDefinition(FORMATS.get(encoding, MessageDefinitionFormat.NONE), text)
             for name, encoding, text in self._rows(
                 'SELECT topic_type, encoding, encoded_message_definition FROM message_definitions '
-                "WHERE typeof(encoded_message_definition) = 'text' ORDER BY id DESC"  # the first of several stays
+                "WHERE typeof(encoded_message_definition) = 'text' ORDER BY id DESC"  # the first row of a type wins
             )
         }
 
     def _rows(self, query: str) -> Iterator[tuple]:  # type: ignore[type-arg]
         try:
             yield from self._database.execute(query)
-        except _ERRORS:  # here the damage begins
+        except _ERRORS:  # the rows up to the damage are salvaged
             if not self._salvage:
                 raise
 
@@ -177,11 +177,11 @@ def _page_size(header: bytes) -> int:
 
 
 def _copy_whole_pages(file: Path, copy: Path) -> None:
-    """Copy a database without the page in which it was cut off: the half of a row would be read as numbers."""
+    """Copy a database without an incomplete last page: SQLite would read half a row as numbers."""
     with open_input(file) as stream:
         header = stream.read(_SQLITE_HEADER)
         size = _page_size(header)
-        if not size or not header.startswith(_SQLITE_MAGIC):  # there is nothing that SQLite would read
+        if not size or not header.startswith(_SQLITE_MAGIC):  # SQLite cannot read such a file
             return
         stream.seek(0)
         with copy.open('wb') as target:
@@ -190,10 +190,10 @@ def _copy_whole_pages(file: Path, copy: Path) -> None:
 
 
 class SqliteWriter(Sqlite3Writer):
-    """A sqlite3 file of a bag that is written, as rosbags' `Writer` takes a storage."""
+    """Writer of a bag's sqlite3 file, with the interface of a storage for rosbags' `Writer`."""
 
     def __init__(self, path: Path, compression: CompressionMode) -> None:
-        """Begin the file; without a journal next to it, whose name would be wrong once somebody moves the folder."""
+        """Begin the file, with the journal in memory: a journal file would be lost if the folder is moved."""
         try:
             super().__init__(path, compression)
             self.conn.execute('PRAGMA journal_mode = MEMORY')
@@ -203,7 +203,7 @@ class SqliteWriter(Sqlite3Writer):
             raise
 
     def write_chunk(self, blocks: Sequence[tuple[Connection, MessageBlock]]) -> None:
-        """Write messages of several topics, each topic's together."""
+        """Write messages of several topics, topic by topic."""
         for connection, block in blocks:
             payloads = (block.payload(index) for index in range(len(block)))
             self.cursor.executemany(_INSERT, zip([connection.id] * len(block), block.times.tolist(), payloads))

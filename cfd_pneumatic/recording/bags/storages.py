@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The formats of a bag's files: how each is read, mended and written; a further one is a row here."""
+"""Formats of a bag's files: how each is read, repaired and written. A further format is a row of `STORAGES`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ StorageWriter = McapWriter | SqliteWriter
 
 
 class StorageFile(Protocol):
-    """One file of a bag, open for reading."""
+    """A file of a bag, open for reading."""
 
     @property
     def connections(self) -> list[Connection]:
@@ -35,35 +35,35 @@ class StorageFile(Protocol):
 
     @property
     def left_out(self) -> list[Span]:
-        """Times of which messages were left out while reading, because they are damaged."""
+        """Times of damaged messages that were left out."""
 
     @property
     def strays(self) -> int:
-        """Messages that belong to no topic."""
+        """Number of messages that belong to no topic."""
 
     def blocks(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, MessageBlock]]:
-        """Yield the messages of some topics."""
+        """Yield the messages of given topics."""
 
 
 @dataclass(frozen=True)
 class Storage:
     """
-    A format.
+    A format of a bag's files.
 
     Attributes
     ----------
     suffix : str
-        Of its files.
+        Suffix of the files.
     remedy : str
-        What may mend a damaged one.
+        Advice on repairing a damaged file.
     flaw : callable
-        Returns what is wrong with a file, None if nothing is that can be seen without reading all of it.
+        Returns a description of damage that is visible without reading the whole file; None if there is none.
     opened : callable
-        Opens a file, or raises whatever damage makes it stumble over; what has to be closed goes onto a stack.
+        Opens a whole file; raises any exception for a damaged file. A stack closes the file.
     salvaged : callable
-        Returns what can still be read of a damaged file, likewise.
+        Opens a damaged file for its readable messages. A stack closes the file.
     writer : type
-        Writes one.
+        Class that writes a file.
 
     """
 
@@ -86,10 +86,10 @@ STORAGES: Mapping[StorageName, Storage] = {
     ),
     'sqlite3': Storage('.db3', 'sqlite3 .recover may mend it', sqlite_flaw, open_sqlite, salvage_sqlite, SqliteWriter),
 }
-"""By the names that rosbag2 gives them."""
+"""Formats by the names of rosbag2."""
 
 SUFFIXES = tuple(storage.suffix for storage in STORAGES.values())
-"""Of files of ROS 2."""
+"""Suffixes of the files of ROS 2."""
 
 ROS1_SUFFIX = '.bag'
 ROS1_REMEDY = 'rosbag reindex may mend it'
@@ -102,7 +102,7 @@ def storage_of(path: Path) -> Storage | None:
 
 
 def remedy_of(path: Path) -> str:
-    """Return what may mend a file, or a bag's folder, that is damaged."""
+    """Return advice on repairing a damaged file or folder of a bag."""
     if path.suffix == ROS1_SUFFIX:
         return ROS1_REMEDY
     return (storage_of(path) or STORAGES['mcap']).remedy

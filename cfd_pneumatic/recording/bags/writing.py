@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writing bags: whole or not at all."""
+"""Write bags completely or not at all."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.files import ADVICE, StagedOutput, check_folder, content, disk_errors_reported
+from cfd_pneumatic.files import ADVICE, StagedOutput, check_folder, disk_errors_reported, folder_entries
 from cfd_pneumatic.messages import Form, MessageBlock, join, types_with
 from cfd_pneumatic.recording.bags.storages import METADATA, STORAGES, SUFFIXES, StorageName, StorageWriter
 
@@ -27,51 +27,53 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 _BAG_VERSION: Literal[8] = 8
-"""What Humble's rosbag2 reads, too."""
+"""Bag version that Humble's rosbag2 also reads."""
 
 _CHUNK = 2**21  # bytes of payload in a chunk
-_PORTION = 5_000  # samples of a topic that are written together
+_PORTION = 5_000  # samples of a topic in a portion
 
 
 class BagWriter:
     """
-    Writes a ROS 2 bag aside and moves it to its place when it is complete.
+    Writer of a ROS 2 bag in a staging folder, which moves into place when the bag is complete.
 
-    As a context manager it closes the bag at the end, or drops it if there was an error.
+    As a context manager the writer closes the bag at the end, or deletes it after an error.
 
     Parameters
     ----------
     path : Path or str
-        Folder of the bag; an empty one is filled.
+        Folder of the bag; may be missing or empty.
     storage : str
         `mcap` or `sqlite3`.
     overwrite : bool
-        Whether a bag that is there may be replaced; anything else there is kept in any case.
+        Whether to replace an existing bag. Other files are never replaced.
 
     Raises
     ------
     InputError
-        If there is something at the path already or nothing can be written there.
+        If the path exists already or cannot be written.
 
     """
 
     def __init__(self, path: Path | str, *, storage: StorageName = 'mcap', overwrite: bool = False) -> None:
-        self.path = self._named = Path(path)
+        self.path = self._requested_path = Path(path)
         self._connections: dict[str, Connection] = {}
-        self._waiting: list[tuple[Connection, MessageBlock]] = []
-        self._size = 0  # of what is waiting [bytes]
+        self._pending: list[tuple[Connection, MessageBlock]] = []
+        self._size = 0  # of the pending messages [bytes]
         self._overwrite = overwrite
         self._is_moved = False
         _check_free(self.path, overwrite=overwrite)
         with self._reported():
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._aside = StagedOutput(self.path, alone=True)
-            self._writer = Writer(self._aside.made, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()])
+            self._output = StagedOutput(self.path, exclusive=True)
+            self._writer = Writer(
+                self._output.staged, version=_BAG_VERSION, storage_plugin=StoragePlugin[storage.upper()]
+            )
             self._writer.STORAGE_PLUGINS = {StoragePlugin[storage.upper()]: STORAGES[storage].writer}
             try:
                 self._writer.open()
             except BaseException:
-                self._aside.close()
+                self._output.close()
                 raise
 
     def add_topic(self, topic: str, msgtype: str) -> None:
@@ -94,21 +96,21 @@ class BagWriter:
         """
         Write serialised (CDR) messages on an announced topic.
 
-        They are kept until a chunk is full; `flush` writes what there is.
+        The messages are pending until a chunk is full; `flush` writes the pending messages.
         """
-        self._waiting.append((self._connections[topic], block))
+        self._pending.append((self._connections[topic], block))
         self._size += len(block.data)
         if self._size > _CHUNK:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is waiting, in the order of reception."""
+        """Write the pending messages in order of reception."""
         by_topic: dict[int, list[MessageBlock]] = {}
-        connections = {connection.id: connection for connection, _ in self._waiting}
-        for connection, block in self._waiting:
+        connections = {connection.id: connection for connection, _ in self._pending}
+        for connection, block in self._pending:
             by_topic.setdefault(connection.id, []).append(block)
-        self._waiting, self._size = [], 0
-        blocks = [(connections[number], join(own)) for number, own in by_topic.items()]
+        self._pending, self._size = [], 0
+        blocks = [(connections[number], join(topic_blocks)) for number, topic_blocks in by_topic.items()]
         blocks = [(connection, block) for connection, block in blocks if len(block)]
         if not blocks:
             return
@@ -120,21 +122,21 @@ class BagWriter:
             self._writer.max_timestamp = max(self._writer.max_timestamp, int(block.times.max()))
 
     def write_streams(self, streams: Sequence[Stream]) -> None:
-        """Write streams, their topics announced here, stretch by stretch; at equal times in their own order."""
-        for one in streams:
-            self.add_topic(one.topic, one.form.msgtype)
+        """Announce the topics of streams and write their messages by time; equal times keep the streams' order."""
+        for stream in streams:
+            self.add_topic(stream.topic, stream.form.msgtype)
         for portion in _portions(streams):
-            for one, samples in zip(streams, portion):
-                self.write(one.topic, one.form.block(one.times[samples], one.values[samples]))
+            for stream, samples in zip(streams, portion):
+                self.write(stream.topic, stream.form.block(stream.times[samples], stream.values[samples]))
             self.flush()
 
     def remark(self, key: str, text: str) -> None:
-        """Put a text into the bag's metadata."""
+        """Write a text into the bag's metadata."""
         self._writer.set_custom_data(key, text)
 
-    def follow(self) -> bool:
+    def relocate(self) -> bool:
         """
-        Go on below the new name of a folder that somebody moved meanwhile; return whether there is one.
+        Find the bag after a move of its folder; return whether there was a move.
 
         Raises
         ------
@@ -142,62 +144,62 @@ class BagWriter:
             If the folder cannot be reached any more.
 
         """
-        if not self._aside.follow():
+        if not self._output.relocate():
             return False
-        self.path = self._aside.path
-        self._is_moved = self._named.resolve() != self.path
-        self._writer.metapath = self._aside.made / METADATA
+        self.path = self._output.path
+        self._is_moved = self._requested_path.resolve() != self.path
+        self._writer.metapath = self._output.staged / METADATA
         return True
 
     def check_place(self) -> None:
         """
-        Find out whether the bag is at the place that was named, once it is closed.
+        Check that the closed bag is at the requested path.
 
         Raises
         ------
         InputError
-            If somebody moved its folder meanwhile.
+            If the folder was moved during the recording.
 
         """
         if self._is_moved:
             raise InputError(
-                f'the folder of the bag was moved while the bag was written, so that the bag is not at {self._named}. '
-                f'It is complete: move or use {self.path}'
+                'the folder of the bag was moved while the bag was written. '
+                f'The bag is complete, but not at {self._requested_path}: move or use {self.path}'
             )
 
     def close(self) -> None:
-        """Complete the bag and move it to its place, or beside what somebody else put there meanwhile."""
+        """Complete the bag and move it into place, or to a numbered path if its place is taken."""
         self.flush()
         with self._reported():
-            self.follow()
+            self.relocate()
             self._writer.close()
             if not self._overwrite:
                 self._find_free_place()
-            self._aside.take_place(_is_of_bag, _metadata_last)
-        self._aside.close()
+            self._output.move_into_place(_is_of_bag, _metadata_last)
+        self._output.close()
 
-    def leave(self) -> None:
-        """Let what was written take a place as it is, where the bag can't be completed; it reads as one cut off."""
+    def keep_incomplete(self) -> None:
+        """Move a bag that cannot be completed into place as it is; readers see a bag that was cut off."""
         with suppress(Exception):
             self._writer.abort()
         with self._reported():
-            self.follow()
+            self.relocate()
             self._find_free_place()
-            self._aside.take_place(write_through=False)
-        self._aside.close()
+            self._output.move_into_place(write_through=False)
+        self._output.close()
 
     def abort(self) -> None:
-        """Drop what was written."""
+        """Delete the written files."""
         with suppress(Exception):
             self._writer.abort()
-        self._aside.close()
+        self._output.close()
 
     def __enter__(self) -> Self:
         """Return the writer."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """Close the bag, or drop it after an error."""
+        """Close the bag, or delete it after an error."""
         if kind is not None:
             self.abort()
             return
@@ -209,15 +211,15 @@ class BagWriter:
         self.check_place()
 
     def _find_free_place(self) -> None:
-        """Choose a path with a number behind it if somebody put something into the bag's place."""
-        path, parent = self._aside.path, self._aside.parent
+        """Choose a path with a number if the path of the bag is taken."""
+        path, parent = self._output.path, self._output.parent
         if os.path.lexists(path) and not _is_empty(path):
             numbered = (parent / f'{path.name}_{number}' for number in count(2))
-            self.path = self._aside.path = next(one for one in numbered if not os.path.lexists(one))
+            self.path = self._output.path = next(free for free in numbered if not os.path.lexists(free))
 
     @contextmanager
     def _reported(self) -> Iterator[None]:
-        """Turn what a disk can do wrong into an error for the user."""
+        """Convert errors of the disk or the database into an error for the user."""
         try:
             with disk_errors_reported(self.path):
                 yield
@@ -232,28 +234,30 @@ class BagWriter:
 
 def check_bag(path: Path, *, overwrite: bool) -> None:
     """
-    Find out whether a bag can be written, before the work is done, and leave nothing behind.
+    Check before the work that a bag can be written; leave no file behind.
 
     Parameters
     ----------
     path, overwrite
-        As `BagWriter` takes them.
+        See `BagWriter`.
 
     Raises
     ------
     InputError
-        If there is something at the path already or nothing can be written there.
+        If the path exists already or cannot be written.
 
     """
     _check_free(path, overwrite=overwrite)
-    check_folder(path, alone=True)
+    check_folder(path, exclusive=True)
 
 
 def _check_free(path: Path, *, overwrite: bool) -> None:
     if path.parent.exists() and not path.parent.is_dir():
         raise InputError(f'cannot write {path}: {path.parent} is not a folder')
     if path.is_symlink():
-        raise InputError(f'{path} is a symbolic link and is not written through: give what it leads to')
+        raise InputError(
+            f'{path} is a symbolic link, and a bag is not written through a link: give the target of the link'
+        )
     with disk_errors_reported(path):
         if not path.exists() or _is_empty(path):
             return
@@ -261,13 +265,15 @@ def _check_free(path: Path, *, overwrite: bool) -> None:
             raise InputError(f'{path} exists already: choose another name, or {ADVICE}')
         if not (path / METADATA).is_file():
             raise InputError(f'{path} is not a bag and is not overwritten: choose another name')
-        for one in content(path):
-            if not _is_of_bag(one):
-                raise InputError(f'{path} holds {one.name} beside a bag, and is not overwritten: move one of them')
+        for entry in folder_entries(path):
+            if not _is_of_bag(entry):
+                raise InputError(
+                    f'{path} holds {entry.name} in addition to a bag and is not overwritten: move {entry.name}'
+                )
 
 
 def _is_empty(path: Path) -> bool:
-    return path.is_dir() and not content(path)
+    return path.is_dir() and not folder_entries(path)
 
 
 def _is_of_bag(path: Path) -> bool:
@@ -280,7 +286,7 @@ def _metadata_last(name: str) -> int:
 
 @dataclass(frozen=True)
 class Stream:
-    """What is written on a topic: numbers at increasing times [ns], and the form of its messages."""
+    """Data for a topic: numbers at increasing times [ns], and the form of the messages."""
 
     topic: str
     form: Form
@@ -289,10 +295,10 @@ class Stream:
 
 
 def _portions(streams: Sequence[Stream]) -> Iterator[list[slice]]:
-    """Yield which samples of each stream come next, a limited number at a time."""
-    longest = max((one.times for one in streams), key=len)
+    """Yield for successive portions of time the slice of each stream's samples."""
+    longest = max((stream.times for stream in streams), key=len)
     begins = [0] * len(streams)
     for edge in [*longest[_PORTION::_PORTION].tolist(), None]:
-        ends = [len(one.times) if edge is None else int(np.searchsorted(one.times, edge)) for one in streams]
+        ends = [len(stream.times) if edge is None else int(np.searchsorted(stream.times, edge)) for stream in streams]
         yield [slice(begin, end) for begin, end in zip(begins, ends)]
         begins = ends

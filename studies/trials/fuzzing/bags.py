@@ -124,7 +124,7 @@ def by_us(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
         for topic, msgtype in TOPICS.items():
             bag.add_topic(topic, msgtype)
         for topic, _, time, payload in messages:
-            bag.write(topic, MessageBlock.of([time], [payload]))
+            bag.write(topic, MessageBlock.from_payloads([time], [payload]))
     if rng.random() < 0.9:
         _leave_file_alone(folder)
     return False

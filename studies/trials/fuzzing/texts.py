@@ -226,7 +226,7 @@ def _schedule(file: Path) -> None:
 def _definition(file: Path) -> None:
     text = file.read_bytes().decode(errors='replace')  # as a bag's reader does
     told = MessageDefinition(MessageDefinitionFormat.MSG, text)
-    Definitions().of([Connection(1, '/x', 'acme_msgs/msg/Press', told, '', 1, None, None)])  # type: ignore[arg-type]
+    Definitions().for_topic([Connection(1, '/x', 'acme_msgs/msg/Press', told, '', 1, None, None)])  # type: ignore[arg-type]
 
 
 def _report(file: Path) -> None:
