@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples that no sensor gives which is well: some leap out of all others and back, some hold still."""
+"""Report samples of a faulty sensor or logger: leaps, shifts, frozen values, clipped ranges and mixed sources."""
 
 from __future__ import annotations
 
@@ -13,64 +13,64 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Signal, count_of, is_noisy
 
-_SPIKE = 3  # samples that a leap out and back may last
-_LEAP = 0.25  # of the absolute pressure: what leaps by less may be the piston's doing
-_MOST_LOOKED_AT = 100_000  # samples
-_MOVED = 0.05  # share of the stroke, before and after, within
-_WHILE = 0.05  # so long: the pressure answers the piston within that [s]
-_FROZEN = 0.03  # how long a pressure holds still then [s]
-_FEWEST_FROZEN = 5  # samples that are as the one before
+_LONGEST_SPIKE = 3  # samples
+_LEAST_LEAP = 0.25  # of the absolute pressure; the piston may cause smaller leaps
+_MOST_SAMPLES = 100_000  # that a check uses
+_LEAST_MOTION = 0.05  # share of the stroke, within the time before and after a sample
+_MOTION_TIME = 0.05  # within which the pressure responds to the piston [s]
+_SHORTEST_FREEZE = 0.03  # of a sensor [s]
+_FEWEST_FROZEN = 5  # equal samples in succession
 _FROZEN_SHARE = 0.05  # of the samples at which the piston moves
-_EVEN = 1.5  # times the median number of repeats: no more are those of a slow sensor that is asked often
-_STROKE = 0.5  # in which a piston moves to and fro, about [s]
-_FINE = 0.01  # of a pressure's span in that time: with coarser steps of a sensor much looks still
-_IN_TURN = 10.0  # times as far from the sample before as from the one before that
-_APART = 0.01  # of the span, by which two sensors differ at least
-_SHARE_IN_TURN = 0.3  # of the samples; of noise it is a sixteenth
-_FEWEST_AT_LIMIT = 100  # samples that tell
+_EVEN_REPEATS = 1.5  # times the median; a slow sensor that is read often repeats no sample more often
+_STROKE_TIME = 0.5  # in which a piston moves to and fro, about [s]
+_LARGEST_COUNT = 0.01  # of a pressure's span in that time; a coarser sensor often repeats a value
+_ALTERNATION = 10.0  # distance to the previous sample over distance to the sample before that
+_LEAST_DISTANCE = 0.01  # of two sensors [span]
+_ALTERNATING_SHARE = 0.3  # of the samples; noise has a sixteenth
+_FEWEST_SAMPLES = 100  # for a check
 _LEAST_AT_LIMIT = 0.005  # share of the samples
-_REPEATED = 0.3  # share of samples as the one before, elsewhere: a coarse sensor repeats itself anywhere
-_STEPS_INTO = 1.5  # of the sensor: where a piston turns round, a coarse one goes by single steps
-_LEAPS_OUT = 2.0  # times what a hundredth of the steps elsewhere exceed
-_RARELY_REPEATED = 0.1  # share of samples as the one before
-_FEWEST_PLACES = 2  # where it is stuck: a force without contact rests at one
-_RESOLVED = 5.5e-3  # interval between samples in which no piston or pressure goes all of a step [s]
-_SHIFT = 5.0  # times what a hundredth of the changes exceed
+_MOST_REPEATED = 0.3  # share of samples elsewhere that equal the previous sample; a coarse sensor has more
+_STEPS_INTO = 1.5  # counts of the sensor; a coarse sensor changes by single counts at a reversal
+_LEAPS_OUT = 2.0  # times the 99th percentile of the steps elsewhere
+_RARELY_REPEATED = 0.1  # share of samples that equal the previous sample
+_FEWEST_STUCK_VALUES = 2  # a force without contact rests at a single value
+_LONGEST_RESOLVED = 5.5e-3  # interval in which no piston or pressure completes a step [s]
+_SHIFT_RATIO = 5.0  # times the 99th percentile of the changes
 _SHIFT_SHARE = 0.05  # of the span
-_COUNTS = 10.0  # times the smallest change: a sensor may flicker by a count
-_ALONE = 5.0  # times the largest change around it
-_STAYS = 0.1  # so long before and behind: a pulse of the pressure has fallen off by then [s]
+_SHIFT_COUNTS = 10.0  # times the smallest change; a sensor may flicker by a count
+_ISOLATION = 5.0  # times the largest change around the shift
+_SHIFT_TIME = 0.1  # before and after a shift; a pressure pulse has decayed by then [s]
 _MOST_SHIFTS = 3
-_FAR = 4.0  # steps of the sensor into and out of a value: what settles there comes in small ones
-_NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise, of its median second difference
+_SUDDEN_STEPS = 4.0  # counts of the sensor into and out of a value; a pressure that settles changes by fewer
+_NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise over median second difference
 _AVERAGED = 9  # samples of a mean
-_WIDE = 60.0  # times the noise of a mean, that a pressure moves at least
-_LEAST_PILE = 0.02  # share of the samples; of clean recordings 0.001
-_STEEP = 2.5  # times as many samples in a pile as below it; at the turns of a sine 2.4 times
+_LEAST_RANGE = 60.0  # of a pressure [noise of a mean]
+_LEAST_PILE = 0.02  # share of the samples; 0.001 in clean recordings
+_STEEP = 2.5  # times as many samples in a pile as below; 2.4 times at the turns of a sine
 _MOST_BEYOND = 2e-3  # share of the samples
-_BETWEEN_PILES = 0.1  # share of the samples
-_SETTLED = 0.5  # behind a step of the set-point [s]
-_WIDE_BETWEEN = 10.0  # times the noise of a mean, about the set-point
-_CHANGES_SPEED = 0.25  # of the standard deviation of all speeds; at the turns of a pressure that follows it less
-_CHANGING = 0.5  # changes of a set-point for each sample of the pressure
-_HELD = 50  # samples of a mean of the set-point
-_SAME_LEVEL = 5.0  # times the noise of such a mean
-_MOSTLY_HELD = 0.6  # share of the means that are as the one before
+_LEAST_BETWEEN = 0.1  # share of the samples between the piles
+_SETTLING_TIME = 0.5  # after a step of the set-point [s]
+_LEAST_SPREAD_BETWEEN = 10.0  # about the set-point [noise of a mean]
+_LEAST_SPEED_SPREAD = 0.25  # of the standard deviation of all speeds; less at the turns of a faithful pressure
+_LEAST_CHANGES = 0.5  # of a set-point [samples of the pressure]
+_LEVEL_SAMPLES = 50  # of a mean of the set-point
+_LARGEST_LEVEL_CHANGE = 5.0  # times the noise of such a mean
+_LEAST_HELD = 0.6  # share of the means that equal the previous mean
 
 
-def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
-    """Ask whether single samples leap out of all others and back, as flipped bits and loose plugs make them."""
-    if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
+def check_leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Warn if single samples leap away and back, as with flipped bits or loose plugs."""
+    if role not in ('displacement', 'pressure'):  # a force contains the jerks of the moving parts
         return
     values = signal.values
-    low, middle, high = np.percentile(values[:: max(1, len(values) // _MOST_LOOKED_AT)], (1.0, 50.0, 99.0))
-    span = max(float(high - low), _LEAP * float(middle) if role == 'pressure' else 0.0)
+    low, middle, high = np.percentile(values[:: max(1, len(values) // _MOST_SAMPLES)], (1.0, 50.0, 99.0))
+    span = max(float(high - low), _LEAST_LEAP * float(middle) if role == 'pressure' else 0.0)
     if not span or (np.max(values) <= high + span and np.min(values) >= low - span):
         return
     outside = (values > high + span) | (values < low - span)
     edges = np.diff(outside.astype(np.int8), prepend=0, append=0)
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    inner = (ends - begins <= _SPIKE) & (begins > 0) & (ends < len(values))
+    inner = (ends - begins <= _LONGEST_SPIKE) & (begins > 0) & (ends < len(values))
     begins, ends = begins[inner], ends[inner]
     there, back = np.abs(values[begins] - values[begins - 1]), np.abs(values[ends - 1] - values[ends])
     spikes = np.minimum(there, back) > span
@@ -79,142 +79,143 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
         number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
         yield warning(
             'samples_suspect',
-            f'{name}: {count_of(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
-            f'others and back, first at t = {first:.4g} s',
-            'leave them out, and look at the plug, the cable and the logger',
+            f'{name}: {count_of(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} away and '
+            f'back, first at t = {first:.4g} s',
+            'remove these samples, and inspect the plug, the cable and the logger',
         )
 
 
-def two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
-    """Ask whether samples come in turn from two sensors, as of two nodes that publish one topic."""
-    values = signal.values[:_MOST_LOOKED_AT]
-    if role == 'setpoint' or len(values) < _FEWEST_AT_LIMIT:
+def check_two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Warn if the samples alternate between two sensors, as when two nodes publish the same topic."""
+    values = signal.values[:_MOST_SAMPLES]
+    if role == 'setpoint' or len(values) < _FEWEST_SAMPLES:
         return
-    from_last, from_one_before = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
-    in_turn = (from_last > _IN_TURN * from_one_before) & (from_last > _APART * np.ptp(values))
-    share = float(np.mean(in_turn))
-    if share > _SHARE_IN_TURN:
+    to_previous, to_second_previous = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
+    alternates = (to_previous > _ALTERNATION * to_second_previous) & (to_previous > _LEAST_DISTANCE * np.ptp(values))
+    share = float(np.mean(alternates))
+    if share > _ALTERNATING_SHARE:
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
-            f'{name}: {100.0 * share:.0f} % of the samples are far from the one before and near the one before that',
-            'look whether two publish the topic, or two sensors are in one column, and record one of them',
+            f'{name}: the samples seem to alternate between two sensors: {100.0 * share:.0f} % are far from the '
+            'previous sample and near the sample before that',
+            'check whether two nodes publish the topic or a column holds two sensors, and record a single sensor',
         )
 
 
-def stuck(role: str, signal: Signal) -> Iterator[Notice]:
+def check_stuck_sensor(role: str, signal: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement or force holds still now here, now there, though its sensor has noise, or leaps then.
+    Warn if a displacement or force repeats several values without noise, or leaps out of the repeats.
 
-    What rests really has noise as before, or begins to move in small steps, or rests at one value, as a force without
-    contact.
+    A signal at rest has sensor noise, or starts to move in small steps, or rests at a single value, as a force without
+    contact does.
     """
-    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
+    values, times = signal.values[:_MOST_SAMPLES], signal.times[:_MOST_SAMPLES]
     changes = np.diff(values)
     steps = np.abs(changes)
-    begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of one value
-    ends = np.append(begins[1:], len(values))  # the first sample behind each
-    is_long = (ends - begins >= _FEWEST_FROZEN) & (times[ends - 1] - times[begins] >= _FROZEN)
+    begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of equal values
+    ends = np.append(begins[1:], len(values))
+    is_long = (ends - begins >= _FEWEST_FROZEN) & (times[ends - 1] - times[begins] >= _SHORTEST_FREEZE)
     inner = is_long & (ends < len(values))
     moving = np.repeat(~is_long, ends - begins)[1:]
-    if not inner.any() or not moving.any() or np.mean(steps[moving] == 0.0) > _REPEATED:
+    if not inner.any() or not moving.any() or np.mean(steps[moving] == 0.0) > _MOST_REPEATED:
         return
     out = steps[np.minimum(ends, len(values) - 1) - 1]
     leaps_out = inner & (out > _LEAPS_OUT * np.percentile(steps[moving], 99.0))
     has_noise = is_noisy(changes[moving]) and np.mean(steps[moving] == 0.0) < _RARELY_REPEATED
-    held = inner if has_noise else leaps_out
-    if len(np.unique(values[begins[held]])) < _FEWEST_PLACES:
+    frozen = inner if has_noise else leaps_out
+    if len(np.unique(values[begins[frozen]])) < _FEWEST_STUCK_VALUES:
         return
-    share = float(np.sum((ends - begins)[held])) / len(values)
+    share = float(np.sum((ends - begins)[frozen])) / len(values)
     yield warning(
         'samples_suspect',
-        f'{role}: {count_of(int(np.sum(held)), "time")} it holds quite still, in '
-        f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[held][0]]:.4g} s',
-        "look at the sensor's plug, its cable and the logger, and record again",
+        f'{role}: the signal freezes {count_of(int(np.sum(frozen)), "time")}, in '
+        f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[frozen][0]]:.4g} s',
+        "inspect the sensor's plug, its cable and the logger, and record again",
     )
 
 
-def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+def check_shifts(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement or pressure leaps once and stays, as a sensor that is zeroed or slips does.
+    Warn if a displacement or pressure shifts within a sample, as with a sensor that is zeroed or slips.
 
-    A piston and a pressure that move so far do it in several samples, if these come every 5 ms or faster.
+    A piston or a pressure needs several samples for such a change at 200 Hz or faster.
     """
-    values, times = signal.values[:_MOST_LOOKED_AT], signal.times[:_MOST_LOOKED_AT]
-    if role not in ('displacement', 'pressure') or len(values) < _FEWEST_AT_LIMIT:
+    values, times = signal.values[:_MOST_SAMPLES], signal.times[:_MOST_SAMPLES]
+    if role not in ('displacement', 'pressure') or len(values) < _FEWEST_SAMPLES:
         return
     steps, intervals = np.abs(np.diff(values)), np.diff(times)
     period = float(np.median(intervals))
-    if period > _RESOLVED or not np.median(steps):
+    if period > _LONGEST_RESOLVED or not np.median(steps):
         return
     least = max(
-        _SHIFT * float(np.percentile(steps, 99.0)),
+        _SHIFT_RATIO * float(np.percentile(steps, 99.0)),
         _SHIFT_SHARE * float(np.ptp(values)),
-        _COUNTS * float(np.min(steps[steps > 0.0])),
+        _SHIFT_COUNTS * float(np.min(steps[steps > 0.0])),
     )
-    around, shifts = round(_STAYS / period), []
-    for index in np.flatnonzero((steps > least) & (intervals < _RESOLVED)).tolist():
+    around, shifts = round(_SHIFT_TIME / period), []
+    for index in np.flatnonzero((steps > least) & (intervals < _LONGEST_RESOLVED)).tolist():
         before, behind = values[max(index + 1 - around, 0) : index + 1], values[index + 1 : index + 1 + around]
-        largest = max(float(np.max(np.abs(np.diff(some)), initial=0.0)) for some in (before, behind))
+        largest = max(float(np.max(np.abs(np.diff(side)), initial=0.0)) for side in (before, behind))
         stays = abs(np.median(behind) - np.median(before)) > 0.5 * steps[index]
-        if stays and np.ptp(before) and np.ptp(behind) and steps[index] > _ALONE * largest:
+        if stays and np.ptp(before) and np.ptp(behind) and steps[index] > _ISOLATION * largest:
             shifts.append(f'{times[index + 1]:.4g}')
     if 0 < len(shifts) <= _MOST_SHIFTS:
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
-            f'{name}: it leaps within one sample and stays there, at t = {" and ".join(shifts)} s',
-            'look whether the sensor was zeroed or has slipped, and identify the parts separately (--from, --until)',
+            f'{name}: the signal shifts within a single sample, at t = {" and ".join(shifts)} s',
+            'check whether the sensor was zeroed or slipped, and identify the parts separately (--from, --until)',
         )
 
 
-def at_limit(displacement: Signal) -> Iterator[Notice]:
+def check_range_limit(displacement: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement ends at its sensor's limit, where it holds quite still at once and the piston goes on.
+    Warn if a displacement reaches the limit of its sensor, which then repeats a value while the piston moves on.
 
-    At a stop, too, a piston holds still at once, but its sensor goes on to have noise.
+    At a mechanical stop the piston stops as suddenly, but the sensor still has noise.
     """
-    values = displacement.values[:_MOST_LOOKED_AT]
-    if len(values) < _FEWEST_AT_LIMIT or np.ptp(values) == 0.0:
+    values = displacement.values[:_MOST_SAMPLES]
+    if len(values) < _FEWEST_SAMPLES or np.ptp(values) == 0.0:
         return
     steps = np.diff(values)
-    moved = np.abs(steps[steps != 0.0])
-    least = max(0.5 * float(np.median(moved)), _STEPS_INTO * float(np.min(moved)))
-    for limit, towards in ((np.max(values), 1.0), (np.min(values), -1.0)):
-        held = values == limit
-        edges = np.diff(held.astype(np.int8), prepend=0, append=0)
+    changes = np.abs(steps[steps != 0.0])
+    least = max(0.5 * float(np.median(changes)), _STEPS_INTO * float(np.min(changes)))
+    for limit, direction in ((np.max(values), 1.0), (np.min(values), -1.0)):
+        at_limit = values == limit
+        edges = np.diff(at_limit.astype(np.int8), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        long = (ends - begins >= _FEWEST_FROZEN) & (begins > 1)
-        begins, ends = begins[long], ends[long]
-        elsewhere = ~(held[1:] | held[:-1])
-        is_fine = np.mean(steps[elsewhere] == 0.0) < _REPEATED if elsewhere.any() else False
+        is_long = (ends - begins >= _FEWEST_FROZEN) & (begins > 1)
+        begins, ends = begins[is_long], ends[is_long]
+        elsewhere = ~(at_limit[1:] | at_limit[:-1])
+        is_fine = np.mean(steps[elsewhere] == 0.0) < _MOST_REPEATED if elsewhere.any() else False
         if not begins.size or not is_fine:
             continue
-        runs_into = towards * steps[begins - 2] > least
+        runs_into = direction * steps[begins - 2] > least
         share = float(np.sum(ends - begins)) / len(values)
         if np.mean(runs_into) > 0.5 and share > _LEAST_AT_LIMIT:
             yield warning(
                 'samples_suspect',
-                f'the displacement holds quite still at its {"highest" if towards > 0.0 else "lowest"} value, '
+                f'the displacement is exactly constant at its {"highest" if direction > 0.0 else "lowest"} value, '
                 f'{1e3 * float(limit):.4g} mm, in {float(f"{100.0 * share:.2g}"):g} % of the samples',
-                "look whether that is the limit of the sensor's range, and record again within it",
+                "check whether this is the limit of the sensor's range, and record again within the range",
             )
 
 
-def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: Signal) -> Iterator[Notice]:
+def check_clipping(name: str, pressure: Signal, setpoint: Signal | None, displacement: Signal) -> Iterator[Notice]:
     """
-    Ask whether a pressure piles up at both ends of its range, as that of a clipping sensor with noise behind it does.
+    Warn if a pressure piles up at both ends of its range, as with a clipping sensor and noise added later.
 
-    A mean over some samples then has less noise than the pressure, and a pile narrower than any real turn of it. The
-    piston changes its speed meanwhile, which the pressure follows between the piles, also where no set-point steps.
+    Averaging reduces the noise, so that a pile is narrower than any real reversal of the pressure. The speed of the
+    piston changes within the piles. Between the piles the pressure varies even without steps of the set-point.
     """
-    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
-    if len(values) < _FEWEST_AT_LIMIT:
+    values, times = pressure.values[:_MOST_SAMPLES], pressure.times[:_MOST_SAMPLES]
+    if len(values) < _FEWEST_SAMPLES:
         return
     noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
     means = _means(values)
     width = noise / math.sqrt(_AVERAGED)
-    if not width or np.ptp(means) < _WIDE * width:
+    if not width or np.ptp(means) < _LEAST_RANGE * width:
         return
     middles = times[_AVERAGED // 2 :][: len(means)]
     speed = np.gradient(np.interp(middles, displacement.times, displacement.values), middles)
@@ -223,20 +224,20 @@ def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: 
     shares = [float(np.mean(pile)) for pile in piles]
     if min(shares) < _LEAST_PILE:
         return
-    if any(np.std(speed[pile]) < _CHANGES_SPEED * np.std(speed) for pile in piles):
+    if any(np.std(speed[pile]) < _LEAST_SPEED_SPREAD * np.std(speed) for pile in piles):
         return
     between = ~(piles[0] | piles[1])
     if setpoint is not None:
         index = np.searchsorted(setpoint.times[1:], middles, side='right')
-        between &= middles - setpoint.times[index] > _SETTLED
+        between &= middles - setpoint.times[index] > _SETTLING_TIME
         means = means - setpoint.values[index]
-    if np.mean(between) < _BETWEEN_PILES or np.std(means[between]) < _WIDE_BETWEEN * width:
+    if np.mean(between) < _LEAST_BETWEEN or np.std(means[between]) < _LEAST_SPREAD_BETWEEN * width:
         return
     yield warning(
         'samples_suspect',
         f'{name}: the pressure piles up at both ends of its range, in {100.0 * sum(shares):.2g} % of the samples, '
         'while the piston changes its speed',
-        "look whether the sensor's or the logger's range is too small, and record again within it",
+        'check whether the range of the sensor or the logger is too small, and record again within the range',
     )
 
 
@@ -245,7 +246,7 @@ def _means(values: Array) -> Array:
 
 
 def _pile(means: Array, width: float) -> NDArray[np.bool_]:
-    """Return which means are in a pile at the upper end, as narrow as their noise, shape (n,); none without one."""
+    """Return which means are in a pile at the upper end, as narrow as their noise, shape (n,); all False without."""
     top = float(np.percentile(means, 99.5)) - width
     level = float(np.median(means[means > top - 4.0 * width]))
     pile: NDArray[np.bool_] = np.abs(means - level) < 2.0 * width
@@ -255,64 +256,63 @@ def _pile(means: Array, width: float) -> NDArray[np.bool_]:
     return pile if is_pile else np.zeros(len(means), bool)
 
 
-def noisy_setpoint(name: str, setpoint: Signal, pressure: Signal) -> Iterator[Notice]:
+def check_setpoint_noise(name: str, setpoint: Signal, pressure: Signal) -> Iterator[Notice]:
     """
-    Ask whether a set-point has noise about its levels, as one that is measured has.
+    Warn if a set-point has noise about its levels, as a measured set-point has.
 
-    A controller changes its set-point at each sample, too, but does not hold the mean of many.
+    A controller also changes its set-point at each sample, but does not hold the mean.
     """
-    values = setpoint.values[:_MOST_LOOKED_AT]
+    values = setpoint.values[:_MOST_SAMPLES]
     changes = np.diff(values)
-    if len(setpoint) < _CHANGING * len(pressure) or len(values) < _FEWEST_AT_LIMIT or not is_noisy(changes):
+    if len(setpoint) < _LEAST_CHANGES * len(pressure) or len(values) < _FEWEST_SAMPLES or not is_noisy(changes):
         return
     noise = float(np.median(np.abs(np.diff(values, 2)))) * _NOISE_OF_BENDS
-    length = len(values) // _HELD * _HELD
-    means = values[:length].reshape(-1, _HELD).mean(axis=1)
-    is_held = np.abs(np.diff(means)) < _SAME_LEVEL * noise / math.sqrt(_HELD)
-    if np.mean(is_held) < _MOSTLY_HELD:
+    length = len(values) // _LEVEL_SAMPLES * _LEVEL_SAMPLES
+    means = values[:length].reshape(-1, _LEVEL_SAMPLES).mean(axis=1)
+    is_held = np.abs(np.diff(means)) < _LARGEST_LEVEL_CHANGE * noise / math.sqrt(_LEVEL_SAMPLES)
+    if np.mean(is_held) < _LEAST_HELD:
         return
     yield warning(
         'setpoint_suspect',
-        f'{name}: the set-point changes at each sample, by noise of {noise:.3g} Pa about its levels: the model takes '
-        'each change for a step',
-        'record the commanded set-point instead of a measured one, or round it to its levels',
+        f'{name}: the set-point has noise of {noise:.3g} Pa about its levels: the model treats each change as a step',
+        'record the commanded set-point instead of a measured set-point, or round the set-point to its levels',
     )
 
 
-def standstill(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:
+def check_frozen_pressure(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:
     """
-    Ask whether a pressure holds quite still while the piston turns round, or begins and ends to do so at once.
+    Warn if a pressure freezes while the piston reverses, or freezes and resumes suddenly.
 
-    At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too. A piston moves
-    by `least` [m] or more.
+    At rest and at constant speed a healthy pressure may be constant if its noise is below the sensor's resolution.
+    The piston counts as moving if its motion exceeds `least` [m].
     """
-    values, times = pressure.values[:_MOST_LOOKED_AT], pressure.times[:_MOST_LOOKED_AT]
-    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of one value, which follow each other
+    values, times = pressure.values[:_MOST_SAMPLES], pressure.times[:_MOST_SAMPLES]
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of equal values
     repeats = np.diff(begins, append=len(values)) - 1
-    held = values[begins]
-    if len(held) < 2 or np.sum(repeats) <= _FROZEN_SHARE * (len(values) - 1):
+    run_values = values[begins]
+    if len(run_values) < 2 or np.sum(repeats) <= _FROZEN_SHARE * (len(values) - 1):
         return
-    several = repeats[repeats > 0]
-    if np.percentile(several, 90.0) < _EVEN * np.median(several):
-        return  # a logger that asks faster than the sensor answers
-    steps = np.abs(np.diff(held))
-    finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / _STROKE)))
-    spans = [float(np.ptp(one)) for one in np.array_split(values, strokes) if np.any(one != one[:1])] or [0.0]
-    if finest > _FINE * np.median(spans):
+    repeated = repeats[repeats > 0]
+    if np.percentile(repeated, 90.0) < _EVEN_REPEATS * np.median(repeated):
+        return  # the logger reads faster than the sensor updates
+    steps = np.abs(np.diff(run_values))
+    finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / _STROKE_TIME)))
+    spans = [float(np.ptp(part)) for part in np.array_split(values, strokes) if np.any(part != part[:1])] or [0.0]
+    if finest > _LARGEST_COUNT * np.median(spans):
         return
 
-    before, here, after = (
-        np.interp(times + by, displacement.times, displacement.values) for by in (-_WHILE, 0, _WHILE)
+    before, now, after = (
+        np.interp(times + shift, displacement.times, displacement.values) for shift in (-_MOTION_TIME, 0, _MOTION_TIME)
     )
-    low, high = np.percentile(displacement.values[:: max(1, len(displacement) // _MOST_LOOKED_AT)], (1.0, 99.0))
-    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(_MOVED * (high - low), least)
+    low, high = np.percentile(displacement.values[:: max(1, len(displacement) // _MOST_SAMPLES)], (1.0, 99.0))
+    moved = np.minimum(np.abs(now - before), np.abs(after - now)) > max(_LEAST_MOTION * (high - low), least)
     direction = np.where(moved, np.sign(after - before), np.nan)
     turns = np.fmin.reduceat(direction, begins) < np.fmax.reduceat(direction, begins)
 
-    at_an_end = (held == np.min(held)) | (held == np.max(held))
-    sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > _FAR * finest
-    is_long = (repeats >= _FEWEST_FROZEN) & (times[begins + repeats] - times[begins] >= _FROZEN)
-    is_frozen = is_long & (turns | (at_an_end & sudden))
+    is_extreme = (run_values == np.min(run_values)) | (run_values == np.max(run_values))
+    is_sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > _SUDDEN_STEPS * finest
+    is_long = (repeats >= _FEWEST_FROZEN) & (times[begins + repeats] - times[begins] >= _SHORTEST_FREEZE)
+    is_frozen = is_long & (turns | (is_extreme & is_sudden))
     frozen = moved & np.repeat(is_frozen, repeats + 1)
     share = np.sum(frozen) / max(1, np.sum(moved))
     if share <= _FROZEN_SHARE:
@@ -321,7 +321,7 @@ def standstill(name: str, pressure: Signal, displacement: Signal, least: float) 
     where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
     yield warning(
         'samples_suspect',
-        f'{name}: the pressure holds quite still, mostly at {where} value, in {float(f"{100.0 * share:.2g}"):g} % of '
-        'the time in which the piston moves',
-        "look at the sensor's range, its plug and the logger, and record again",
+        f'{name}: the pressure freezes, mostly at {where} value, in {float(f"{100.0 * share:.2g}"):g} % of the time '
+        'in which the piston moves',
+        "inspect the sensor's range, its plug and the logger, and record again",
     )
