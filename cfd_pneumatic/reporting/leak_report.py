@@ -79,7 +79,7 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
     laws = table(title, *headings, words=('law', 'is it'))
     for leak in decay.leaks:
         conductance = leak.conductance if leak.conductance > _ZERO * leak.interval[1] else 0.0
-        cells = [leak.law, f'{conductance:.4g}', ' to '.join(f'{one:.3g}' for one in leak.interval)]
+        cells = [leak.characteristic, f'{conductance:.4g}', ' to '.join(f'{one:.3g}' for one in leak.interval)]
         if settles:
             settled = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
             cells += settled if leak.settling else ('', '')
@@ -93,7 +93,7 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
 
 def _sentences(name: str, decay: Decay) -> list[str]:
     """Return what the laws come to."""
-    best, possible = decay.best, [leak.law for leak in decay.leaks if not leak.excluded]
+    best, possible = decay.best, [leak.characteristic for leak in decay.leaks if not leak.excluded]
     if not possible:
         return [
             'None of these laws describes the second half: is the valve shut all the time? --begin and --end say when.'
@@ -104,18 +104,18 @@ def _sentences(name: str, decay: Decay) -> list[str]:
             f'Beside a leak the pressure settles by {1e-3 * best.settling:.3g} kPa: air cools down after a chamber was '
             'filled, and a soft chamber gives way. Wait before the test, and only the leak is left.'
         )
-    if not decay.told:
+    if not decay.has_leak:
         lines.append(f'A leak is not told: its conductance is at most {best.interval[1]:.3g} 1/s.')
         return lines
-    lost = _MINUTE * best.conductance * rate_of(best.law, best.start, decay.ambient_pressure)
+    lost = _MINUTE * best.conductance * rate_of(best.characteristic, best.start, decay.ambient_pressure)
     lines.append(f'At the start the pressure falls by {1e-3 * lost:.3g} kPa per minute.')
-    if len(possible) > 1 and decay.tells_below is not None:
-        gauge, time = decay.tells_below
+    if len(possible) > 1 and decay.distinguishable_below is not None:
+        gauge, time = decay.distinguishable_below
         lines.append(
             f'Which law it is this fall does not tell: let it fall to {1e-3 * gauge:.4g} kPa gauge, '
             f'for about {_long(time)}.'
         )
-    given = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.law]:.1f}'}
+    given = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.characteristic]:.1f}'}
     lines.append('For sim_node: ' + ' '.join(f'-p {name}.leakage.{key}:={value}' for key, value in given.items()))
     return lines
 
@@ -132,17 +132,19 @@ def _data(decay: Decay) -> dict[str, Any]:
         'duration_s': float(decay.times[-1]),
         'samples': decay.times.size,
         'noise_pa': decay.noise,
-        'told': decay.told,
+        'told': decay.has_leak,
         'laws': [_law_data(leak, decay) for leak in decay.leaks],
-        'tells_below': None if decay.tells_below is None else dict(zip(('gauge_pa', 'after_s'), decay.tells_below)),
+        'tells_below': None
+        if decay.distinguishable_below is None
+        else dict(zip(('gauge_pa', 'after_s'), decay.distinguishable_below)),
     }
 
 
 def _law_data(leak: Leak, decay: Decay) -> dict[str, Any]:
     pressures = np.linspace(float(np.min(leak.simulated)), float(np.max(leak.simulated)), _PRESSURES)
-    rates = np.array([rate_of(leak.law, one, decay.ambient_pressure) for one in pressures.tolist()])
+    rates = np.array([rate_of(leak.characteristic, one, decay.ambient_pressure) for one in pressures.tolist()])
     return {
-        'law': leak.law,
+        'law': leak.characteristic,
         'excluded': leak.excluded,
         'conductance': leak.conductance,
         'interval': list(leak.interval),
@@ -173,7 +175,7 @@ def _picture(decays: Mapping[str, Decay]) -> str:
                 [Curve(decay.times, gauge, measured, dots=True), Curve(decay.times, simulated, law, 2.0)],
             ),
             Panel(
-                f'{name}: what the {decay.best.law} leaves [Pa]',
+                f'{name}: what the {decay.best.characteristic} leaves [Pa]',
                 90,
                 [Curve(decay.times, 1e3 * (gauge - simulated), measured, dots=True)],
                 band=decay.noise,

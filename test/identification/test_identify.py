@@ -120,7 +120,7 @@ def test_a_set_point_of_the_test_part_alone_gets_no_row():
     result = identify([recording], Options(per_setpoint=True)).cylinders['cylinder_a']
     assert [point.setpoint / PSI for point in result.schedule] == pytest.approx([5.0], abs=0.01)
     (note,) = result.notes
-    assert note.endswith('left out of the schedule: only the test part holds it')
+    assert note.endswith('is not in the schedule: only the test part contains it')
 
 
 def test_nothing_reads_the_test_part(one):
