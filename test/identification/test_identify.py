@@ -204,7 +204,7 @@ def test_what_is_not_identifiable_is_null_in_the_report_and_named_in_the_paramet
     used = dict(zip(NAMES, found.cylinders['cylinder_a'].fit.model.parameters))
     assert yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']['k_v'] == [used['k_v']]
     (line,) = (line for line in text.splitlines() if 'k_v:' in line)
-    assert 'not identifiable, as the fit used it' in line
+    assert 'not identifiable, value assumed in the fit' in line
 
 
 def test_the_table_shows_the_papers_units_beside_si(one):
