@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device as its parameters describe it: their table, its file, and what it makes of a recording."""
+"""Describe a device by its parameters: their descriptors, the parameter file, and simulation of recordings."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter of a device, described once: for its file, the nodes that declare it, the planner and Python."""
+"""Describe every parameter of a device once: for the parameter file, the nodes, the planner and Python."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ Value = bool | float | tuple[float, ...] | tuple[str, ...]
 """A switch, a number, a list of numbers, or a list of names."""
 
 
-_SPAN = 'two finite numbers, the lower first; 0, 0: not known'
+_SPAN = 'two finite numbers, the lower first; 0, 0: unknown'
 
 NO_NAMES = ('',)
-"""A list of names without any; ROS has no empty lists."""
+"""An empty list of names; ROS has no empty lists."""
 
 
 @dataclass(frozen=True)
 class Descriptor:
     """
-    What there is to know about a parameter; what it is follows from its default.
+    Description of a parameter; the default determines the type.
 
     Attributes
     ----------
     name
-        In files and of a node: `cylinder_a.leakage.conductance`.
+        Name in files and nodes: `cylinder_a.leakage.conductance`.
     default
-        Value that stands in where none is given; of the gains the paper's Table 1 [unit].
+        Value of a parameter that is not given; for the gains the paper's Table 1 [unit].
     description
         One line.
     unit
         SI unit; empty for a switch.
     lower, upper
-        Range, of each number in a list, too [unit].
+        Range of the number, or of each number in a list [unit].
     constraints
-        On a list, for people.
+        Constraints of a list, for people.
     remark
-        Stands beside the unit in a file.
+        Text after the unit in a file.
     at_start
-        Whether a node takes it at its start only.
+        Whether a node reads the parameter only at start.
 
     """
 
@@ -61,12 +61,12 @@ class Descriptor:
 
     def checked(self, value: object) -> Value:
         """
-        Return a value as one of this parameter.
+        Return a value with the type of this parameter.
 
         Raises
         ------
         InputError
-            If it has another type, or is a number outside the range; a list's ranges are checked by who uses it.
+            If the value has a wrong type, or is a number outside of the range. The users of a list check its ranges.
 
         """
         if isinstance(self.default, bool):
@@ -84,7 +84,7 @@ class Descriptor:
             return number
         entries = value if isinstance(value, Sequence) and not isinstance(value, str) else ()
         if self.lists_names:
-            if not all(isinstance(one, str) for one in entries):
+            if not all(isinstance(entry, str) for entry in entries):
                 raise InputError(f'{self.name}: give a list of names')
             return tuple(entries)
         if not entries or not all(map(_is_number, entries)):
@@ -93,7 +93,7 @@ class Descriptor:
 
     @property
     def lists_names(self) -> bool:
-        """Whether it is a list of names."""
+        """Whether the parameter is a list of names."""
         return self.default == NO_NAMES
 
 
@@ -101,25 +101,30 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _device() -> Iterator[Descriptor]:
+def _device_descriptors() -> Iterator[Descriptor]:
     yield Descriptor(
         'ambient_pressure',
         convention.AMBIENT_PRESSURE,
-        'absolute pressure that gauge set-points are counted from',
+        'absolute ambient pressure, the zero of gauge set-points',
         'Pa',
         *convention.AMBIENT_PRESSURES,
     )
     yield Descriptor(
-        'supply_pressure', convention.SUPPLY_PRESSURE, 'gauge; a set-point above it is ignored', 'Pa', 1e4, 2e6
+        'supply_pressure',
+        convention.SUPPLY_PRESSURE,
+        'gauge supply pressure; set-points above the supply are ignored',
+        'Pa',
+        1e4,
+        2e6,
     )
     yield Descriptor('area', convention.PISTON_AREA, 'piston area of either cylinder', 'm^2', *convention.AREAS)
     yield Descriptor(
         'geometric_factor',
         1.0,
-        'contact force over piston force, from the linkage',
+        'ratio of contact force to piston force, from the linkage',
         '-',
         *convention.FACTORS,
-        remark='only its product with the area shows',
+        remark='only the product with the area is identifiable',
     )
     yield Descriptor(
         'identified_displacement',
@@ -129,45 +134,45 @@ def _device() -> Iterator[Descriptor]:
         constraints=_SPAN,
     )
     yield Descriptor(
-        'identified_speed', 0.0, 'largest speed of the piston in these recordings; 0: not known', 'm/s', 0.0, 1e3
+        'identified_speed', 0.0, 'largest speed of the piston in these recordings; 0: unknown', 'm/s', 0.0, 1e3
     )
     for cylinder in convention.CYLINDERS:
-        yield from _cylinder(cylinder)
+        yield from _cylinder_descriptors(cylinder)
     force = convention.CONTACT_FORCE
     yield Descriptor(
         f'{force}.seal_play',
         2e-6,
-        'half of the play with which seals follow the displacement, lest noise turn them round: half a bit of its '
-        'sensor, or three standard deviations of its noise',
+        'half of the backlash between displacement and seals, so that noise does not reverse the friction: half a bit '
+        'of the sensor, or three standard deviations of its noise',
         'm',
         0.0,
         1e-3,
     )
-    yield from _effects(force, FORCE_PARTS)
+    yield from _effect_descriptors(force, FORCE_PARTS)
 
 
-def _cylinder(name: str) -> Iterator[Descriptor]:
+def _cylinder_descriptors(name: str) -> Iterator[Descriptor]:
     yield Descriptor(
         f'{name}.enabled',
         True,
-        'false: there is none, and ambient pressure takes its place in the force',
+        'whether the device has this cylinder; false: the force is computed with ambient pressure instead',
         at_start=True,
     )
     yield Descriptor(
         f'{name}.initial_setpoint',
         10.0 * PSI,
-        'gauge set-point until one arrives',
+        'gauge set-point until the first message arrives',
         'Pa',
         -1e5,
         2e6,
         remark='gauge',
         at_start=True,
     )
-    yield Descriptor(f'{name}.setpoint_offset', 0.0, 'what the regulator holds above what it is told', 'Pa', -1e5, 1e5)
+    yield Descriptor(f'{name}.setpoint_offset', 0.0, 'pressure at rest minus set-point', 'Pa', -1e5, 1e5)
     yield Descriptor(
         f'{name}.setpoints',
         tuple(TABLE_1.setpoints.tolist()),
-        'gauge set pressures at which the gains are given',
+        'gauge set-points at which the gains are given',
         'Pa',
         constraints='finite, strictly increasing',
         remark='gauge',
@@ -176,7 +181,7 @@ def _cylinder(name: str) -> Iterator[Descriptor]:
         yield Descriptor(
             f'{name}.{spec.name}',
             tuple(getattr(TABLE_1, spec.name).tolist()),
-            f'{spec.description}, one for each set-point',
+            f'{spec.description}, a value for each set-point',
             spec.unit,
             spec.lower,
             spec.upper,
@@ -199,28 +204,32 @@ def _cylinder(name: str) -> Iterator[Descriptor]:
         remark='absolute',
     )
     yield Descriptor(
-        f'{name}.not_identifiable', NO_NAMES, 'gains that the recordings did not tell: they are as the fit used them'
+        f'{name}.not_identifiable',
+        NO_NAMES,
+        'gains that the recordings do not determine: their values are those assumed in the fit',
     )
-    yield from _effects(name, PRESSURE_PARTS)
+    yield from _effect_descriptors(name, PRESSURE_PARTS)
 
 
-def _effects(prefix: str, library: Mapping[str, Effect]) -> Iterator[Descriptor]:
-    """Yield what switches cores and effects; by default effects are null: one that is given nothing changes nothing."""
+def _effect_descriptors(prefix: str, library: Mapping[str, Effect]) -> Iterator[Descriptor]:
+    """Yield the switches and parameters of cores and effects; an effect with default parameters changes nothing."""
     for effect in library.values():
         default = (
-            'its gains hold at a pressure and a position' if effect.core else 'its parameters by default change nothing'
+            'its gains are valid at a pressure and a position'
+            if effect.core
+            else 'its default parameters change nothing'
         )
         yield Descriptor(f'{prefix}.{effect.name}.enabled', False, f'{effect.description}; {default}')
-        for one in effect.parameters:
+        for parameter in effect.parameters:
             yield Descriptor(
-                f'{prefix}.{effect.name}.{one.name}',
-                float(one.null),
-                f'{effect.description}: {one.description}',
-                one.unit,
-                one.lower,
-                one.upper,
+                f'{prefix}.{effect.name}.{parameter.name}',
+                float(parameter.null),
+                f'{effect.description}: {parameter.description}',
+                parameter.unit,
+                parameter.lower,
+                parameter.upper,
             )
 
 
-DESCRIPTORS: Mapping[str, Descriptor] = {one.name: one for one in _device()}
-"""By their names, in the order in which they stand in a file."""
+DESCRIPTORS: Mapping[str, Descriptor] = {descriptor.name: descriptor for descriptor in _device_descriptors()}
+"""Descriptors by name, in the order of a parameter file."""

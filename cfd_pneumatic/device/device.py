@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A device, of one cylinder or two, with effects or without."""
+"""Define a device of one or two cylinders, with or without effects."""
 
 from __future__ import annotations
 
@@ -36,19 +36,19 @@ _LEAST_SETPOINT = 100.0
 @dataclass(frozen=True, repr=False)
 class Device:
     """
-    A device as its parameters describe it.
+    A device, described by its parameters.
 
     Attributes
     ----------
     given
-        Parameters by their names, as `DESCRIPTORS` has them; of others the defaults stand in [SI].
+        Parameters by name in `DESCRIPTORS`; the others have their defaults [SI].
     notes
-        What its file says beside them, also of parameters that are not given, for people to read.
+        Comments in the parameter file by name of the parameter, for people.
 
     Raises
     ------
     InputError
-        If a value is none that the model takes.
+        If the model refuses a value.
 
     """
 
@@ -62,14 +62,14 @@ class Device:
         _ = self.model, self.identified_range
 
     def __repr__(self) -> str:
-        """Return the cylinders and the effects."""
-        parts = {**self.model.cylinders, 'force': None}
-        effects = {name: self.model.force_effects if one is None else one.effects for name, one in parts.items()}
-        told = [f'{name} with {", ".join(own)}' if own else name for name, own in effects.items()]
-        return f'<Device: {"; ".join(told)}>'
+        """Return the names of the cylinders and the effects."""
+        effects = {name: cylinder.effects for name, cylinder in self.model.cylinders.items()}
+        effects['force'] = self.model.force_effects
+        parts = [f'{name} with {", ".join(names)}' if names else name for name, names in effects.items()]
+        return f'<Device: {"; ".join(parts)}>'
 
     def __str__(self) -> str:
-        """Return its file."""
+        """Return the text of the parameter file."""
         return self.text
 
     @classmethod
@@ -80,7 +80,7 @@ class Device:
         Raises
         ------
         InputError
-            If it can't be read, describes no cylinder, or a value is none that the model takes.
+            If the file cannot be read or describes no cylinder, or the model refuses a value.
 
         """
         check_path('path', path)
@@ -88,7 +88,7 @@ class Device:
         given = file.read(path)
         if not any(name.startswith(f'{cylinder}.') for name in given for cylinder in CYLINDERS):
             raise InputError(
-                f'{path} describes neither cylinder_a nor cylinder_b: give a parameters.yaml as identify_bag writes it'
+                f'{path} describes neither cylinder_a nor cylinder_b: give a parameters.yaml of identify_bag'
             )
         try:
             return cls(given)
@@ -102,14 +102,14 @@ class Device:
         Parameters
         ----------
         path
-            Of the file. An earlier one that `save` or `identify_bag` wrote is replaced.
+            Path of the file. A file that `save` or `identify_bag` wrote earlier is replaced.
         overwrite
             Whether any other file is replaced, too.
 
         Raises
         ------
         InputError
-            If it can't be written, or a file is there that is not to be replaced.
+            If the file cannot be written, or an existing file must not be replaced.
 
         """
         check_path('path', path)
@@ -119,7 +119,7 @@ class Device:
 
     @property
     def text(self) -> str:
-        """The parameters as the file has them."""
+        """Text of the parameter file."""
         return file.text_of(self.given, self.notes)
 
     def value(self, name: str) -> Value:
@@ -133,12 +133,12 @@ class Device:
         return value
 
     def with_values(self, values: Mapping[str, Value]) -> Device:
-        """Return it with some parameters changed."""
+        """Return the device with changed parameters."""
         return replace(self, given={**self.given, **values})
 
     @lazy_property
     def model(self) -> DeviceModel:
-        """What is simulated."""
+        """The model that simulates the device."""
         ambient = self.number('ambient_pressure')
         a, b = (self._cylinder(name, ambient) for name in CYLINDERS)
         if a is None and b is None:
@@ -151,28 +151,28 @@ class Device:
 
     @property
     def initial_setpoints(self) -> dict[str, float]:
-        """Gauge set-point of each cylinder until another one is set [Pa]."""
+        """Gauge set-point of each cylinder until the first set-point arrives [Pa]."""
         return {name: self.number(f'{name}.initial_setpoint') for name in self.model.cylinders}
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Names of the gains that are not given and taken from Table 1, and of the area where it isn't."""
-        wanted = ['area', *(f'{cylinder}.{gain}' for cylinder in self.model.cylinders for gain in NAMES)]
-        return tuple(name for name in wanted if name not in self.given)
+        """Names of the gains and the area that are not given: gains from Table 1, and the default area."""
+        names = ['area', *(f'{cylinder}.{gain}' for cylinder in self.model.cylinders for gain in NAMES)]
+        return tuple(name for name in names if name not in self.given)
 
     @property
     def not_identifiable(self) -> tuple[str, ...]:
-        """Names of the gains that no recording told, and that are as the fit used them."""
+        """Names of the gains that are not identifiable and have the values assumed in the fit."""
         names = []
         for cylinder in self.model.cylinders:
-            untold = self.value(f'{cylinder}.not_identifiable')
-            assert isinstance(untold, tuple)
-            names += [f'{cylinder}.{gain}' for gain in untold if gain]
+            gains = self.value(f'{cylinder}.not_identifiable')
+            assert isinstance(gains, tuple)
+            names += [f'{cylinder}.{gain}' for gain in gains if gain]
         return tuple(names)
 
     @property
     def identified_range(self) -> IdentifiedRange:
-        """Within what it was identified."""
+        """Range of the recordings with which the device was identified."""
         names = tuple(self.model.cylinders)
         return IdentifiedRange(
             self._span('identified_displacement'),
@@ -184,7 +184,7 @@ class Device:
     def _span(self, name: str) -> Span | None:
         value = self.value(name)
         assert isinstance(value, tuple)
-        if len(value) != 2 or not all(isinstance(one, float) and math.isfinite(one) for one in value):
+        if len(value) != 2 or not all(isinstance(end, float) and math.isfinite(end) for end in value):
             raise InputError(f'{name}: give two finite numbers, the lower first')
         low, high = float(value[0]), float(value[1])
         if low > high:
@@ -200,39 +200,39 @@ class Device:
         measured_pressures: bool = False,
     ) -> Recording:
         """
-        Return what the device makes of a recording's displacement and set-points.
+        Simulate pressures and force from a recording's displacement and set-points.
 
-        Displacement and stamps are smoothed as `identify` does it, and the answers are at the times at which pressures
-        and force were measured, from the first to the last sample of the displacement.
+        Displacement and stamps are smoothed as in `identify`. The simulated samples have the times of the measured
+        pressures and force, from the first to the last sample of the displacement.
 
         Parameters
         ----------
         recording
-            Its pressures matter only where the piston moves at its beginning: they begin as measured there.
+            The recording. Its pressures are used only as initial values if the piston moves at the begin.
         setpoints
-            Gauge set-points by cylinder, which hold all the time, instead of the recorded ones; 0, or 100 Pa or more
-            above or below ambient [Pa]. By default `initial_setpoints` where none was recorded.
+            Constant gauge set-points by cylinder, instead of the recorded set-points; 0, or 100 Pa or more above or
+            below ambient [Pa]. By default `initial_setpoints` if no set-point was recorded.
         raw
-            Whether the samples are taken as they come, and each is answered, as `sim_node` does it.
+            Whether to simulate sample by sample without smoothing, as `sim_node` does.
         measured_pressures
-            Whether the force follows from the recorded pressures, as in the report, instead of the simulated ones.
+            Whether to compute the force from the recorded pressures, as in the report, instead of the simulated.
 
         Returns
         -------
         Recording
-            Simulated pressures and force, the set-points that acted, and the displacement as it was recorded.
+            Simulated pressures and force, the set-points of the simulation, and the recorded displacement.
 
         Raises
         ------
         InputError
-            If it is no recording, a set-point is of no cylinder or cannot be in pascals, or the recording is too short,
-            or lacks the pressures that are asked for.
+            If `recording` is not a recording, is too short or lacks the measured pressures. Also if a set-point is of
+            no cylinder, or cannot be in pascals.
 
         """
         if not isinstance(recording, Recording):
-            raise InputError(f'simulate takes a recording, not {type(recording).__name__}: read it first')
+            raise InputError(f'simulate needs a recording, not {type(recording).__name__}: read the recording first')
         check_switches(raw=raw, measured_pressures=measured_pressures)
-        from cfd_pneumatic.device import simulation  # with SciPy and the smoother, which no node needs
+        from cfd_pneumatic.device import simulation  # loads SciPy and the smoother, which no node needs
 
         chosen = self._checked_setpoints(setpoints)
         missing = {
@@ -242,17 +242,18 @@ class Device:
         }
         constant = {**missing, **chosen}
         if raw:
-            return simulation.answered(self.model, recording, constant)
-        return simulation.smoothed(self.model, recording, constant, measured_pressures)
+            return simulation.simulate_live(self.model, recording, constant)
+        return simulation.simulate_smoothed(self.model, recording, constant, measured_pressures)
 
     def _checked_setpoints(self, setpoints: Mapping[str, float] | None) -> dict[str, float]:
-        """Return gauge set-points by cylinder [Pa]; refuse those that cannot be pascals."""
+        """Return gauge set-points by cylinder [Pa]; refuse values that cannot be pascals."""
         if setpoints is None:
             return {}
         check_type('setpoints', setpoints, Mapping, 'a dictionary such as setpoints={"cylinder_a": 3e5}')
         for name, level in setpoints.items():
             if name not in self.model.cylinders:
-                raise InputError(f'a set-point of {name}: the cylinders are {", ".join(self.model.cylinders)}')
+                cylinders = ', '.join(self.model.cylinders)
+                raise InputError(f'there is no {name} for a set-point: the cylinders are {cylinders}')
             check_number(f'the set-point of {name}', level)
             if not math.isfinite(level) or 0.0 < abs(level) < _LEAST_SETPOINT:
                 raise InputError(f'the set-point of {name} is {level:g} Pa: give pascals above ambient, 3e5 for 3 bar')
@@ -269,9 +270,9 @@ class Device:
         return Cylinder(points, ambient, effects, self.number(f'{name}.setpoint_offset'))
 
     def _effects(self, prefix: str, library: Mapping[str, Effect]) -> dict[str, tuple[float, ...]]:
-        """Return the parameters of each effect that is on."""
+        """Return the parameters of each enabled effect."""
         return {
-            name: tuple(self.number(f'{prefix}.{name}.{one.name}') for one in effect.parameters)
+            name: tuple(self.number(f'{prefix}.{name}.{parameter.name}') for parameter in effect.parameters)
             for name, effect in library.items()
             if self.value(f'{prefix}.{name}.enabled')
         }
@@ -279,12 +280,12 @@ class Device:
 
 def default_of(name: str, given: Mapping[str, Value]) -> Value:
     """
-    Return what stands in for a parameter beside others that are given [SI]; for a gain Table 1's at the set-points.
+    Return the default of a parameter [SI]; for a gain the values of Table 1 at the given set-points.
 
     Raises
     ------
     InputError
-        If the set-points are none.
+        If the given set-points are invalid.
 
     """
     owner, _, gain = name.rpartition('.')
@@ -299,5 +300,5 @@ def default_of(name: str, given: Mapping[str, Value]) -> Value:
 
 def _checked(name: str, value: object) -> Value:
     if name not in DESCRIPTORS:
-        raise InputError(f'{name} is no parameter of a device')
+        raise InputError(f'{name} is not a parameter of a device')
     return DESCRIPTORS[name].checked(value)

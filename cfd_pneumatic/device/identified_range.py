@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Within what a device was identified: beyond it nobody has compared the model with the device."""
+"""Define the range of the recordings with which a device was identified; beyond the range the model is untested."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.recording import Recording
 
 SPEED_INTERVAL = 0.02
-"""Over which a speed is the mean, so that the noise of the displacement does not count [s]."""
+"""Averaging interval of a speed, which suppresses the noise of the displacement [s]."""
 
 Span = tuple[float, float]
 """The lowest and the highest value."""
 
 UNKNOWN: Span = (0.0, 0.0)
-"""Stands for a span in a parameter file: nobody knows it."""
+"""Span in a parameter file that is not known."""
 
 
 @dataclass(frozen=True)
 class IdentifiedRange:
     """
-    The spans of the recordings that a device was identified with; None where a span is not known.
+    The spans of the recordings with which a device was identified; None for an unknown span.
 
     Attributes
     ----------
     displacement
-        Of the piston [m].
+        Lowest and highest displacement of the piston [m].
     speed
         Largest speed of the piston [m/s].
     setpoints
@@ -47,32 +47,32 @@ class IdentifiedRange:
 
     @classmethod
     def of_recordings(cls, recordings: Iterable[Recording], ambient_pressure: float) -> IdentifiedRange:
-        """Return the spans of some recordings, whose set-points are counted from an ambient pressure [Pa]."""
+        """Return the spans of recordings, with set-points relative to an ambient pressure [Pa]."""
         recordings = list(recordings)
-        moving = [one.displacement for one in recordings if not one.rests]
+        moving = [recording.displacement for recording in recordings if not recording.rests]
         setpoints, pressures = {}, {}
         for name in CYLINDERS:
-            signals = [one.cylinders[name] for one in recordings if name in one.cylinders]
-            recorded = [one.setpoint.values - ambient_pressure for one in signals if one.setpoint is not None]
-            if recorded:
-                setpoints[name] = _span(recorded)
+            cylinders = [recording.cylinders[name] for recording in recordings if name in recording.cylinders]
+            signals = [cylinder.setpoint for cylinder in cylinders if cylinder.setpoint is not None]
             if signals:
-                pressures[name] = _span(one.pressure.values for one in signals)
+                setpoints[name] = _span(signal.values - ambient_pressure for signal in signals)
+            if cylinders:
+                pressures[name] = _span(cylinder.pressure.values for cylinder in cylinders)
         return cls(
-            _span(one.values for one in moving) if moving else None,
-            max((_largest_speed(one.times, one.values) for one in moving), default=None),
+            _span(signal.values for signal in moving) if moving else None,
+            max((_largest_speed(signal.times, signal.values) for signal in moving), default=None),
             setpoints,
             pressures,
         )
 
 
-def _span(values: Iterable[np.ndarray]) -> Span:
-    ends = [(float(one.min()), float(one.max())) for one in values]
+def _span(arrays: Iterable[np.ndarray]) -> Span:
+    ends = [(float(values.min()), float(values.max())) for values in arrays]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
 def _largest_speed(times: np.ndarray, values: np.ndarray) -> float:
-    """Return the largest travel within half of the interval over that time, as nodes measure it [m/s]."""
+    """Return the largest mean speed over half of `SPEED_INTERVAL`, as nodes measure the speed [m/s]."""
     step = 0.5 * SPEED_INTERVAL
     steps = math.floor((times[-1] - times[0]) / step)
     if steps < 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How well a device does live: sample by sample, as `sim_node` answers, without smoothing or looking ahead."""
+"""Compute the error of a simulation as in `sim_node`: sample by sample, without smoothing or future samples."""
 
 from __future__ import annotations
 
@@ -10,42 +10,45 @@ from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified import estimated_setpoints
 from cfd_pneumatic.identification import Identification, PartError
 
-_MOST = 2_000  # samples of the displacement that are answered
-_LEAD = 500  # samples before these, in which the beginning is forgotten
+_MOST_SAMPLES = 2_000  # of the displacement that are compared
+_LEAD = 500  # samples before, in which the initial state decays
 
 
 def live_errors(identification: Identification, device: Device) -> dict[str, PartError]:
     """
-    Return the errors of a live simulation, by channel, on the part on which before and after are compared.
+    Return the errors of a sample-by-sample simulation by channel, on the part on which before and after are compared.
 
-    Where that is long its first samples stand for it.
+    The first samples represent a long part.
     """
-    left: dict[str, list[Array]] = {name: [] for name in identification.channels}
-    remaining = _MOST
+    residuals: dict[str, list[Array]] = {name: [] for name in identification.channels}
+    remaining = _MOST_SAMPLES
     for index, setpoints in enumerate(estimated_setpoints(identification)):
         recording = identification.recordings[index]
         compared = [
-            (result, one)
+            (result, comparison)
             for result in identification.channels.values()
-            for one in result.comparisons
-            if one.recording == index and np.any(result.judged(one))
+            for comparison in result.comparisons
+            if comparison.recording == index and np.any(result.judged(comparison))
         ]
         if not compared or not remaining:
             continue
         times = recording.displacement.times
-        judged = np.concatenate([one.times[result.judged(one)] for result, one in compared])
+        judged = np.concatenate([comparison.times[result.judged(comparison)] for result, comparison in compared])
         first, last = np.searchsorted(times, [judged.min(), judged.max()]).tolist()
         last = min(last, first + remaining - 1, times.size - 1)
         remaining -= last - first + 1
         piece = recording.between(times[max(first - _LEAD, 0)], np.nextafter(times[last], np.inf))
-        answers = device.simulate(piece, raw=True, setpoints=setpoints)
+        live = device.simulate(piece, raw=True, setpoints=setpoints)
         for result, _ in compared:
-            measured, answered = result.channel.signal(recording), result.channel.signal(answers)
-            if measured is not None and answered is not None:
-                own = measured.between(times[first], np.nextafter(times[last], np.inf))
-                left[result.name].append(own.values - np.interp(own.times, answered.times, answered.values))
+            measured, simulated = result.channel.signal(recording), result.channel.signal(live)
+            if measured is not None and simulated is not None:
+                signal = measured.between(times[first], np.nextafter(times[last], np.inf))
+                values = np.interp(signal.times, simulated.times, simulated.values)
+                residuals[result.name].append(signal.values - values)
     return {
-        name: _error(np.concatenate(runs), identification.channels[name].span) for name, runs in left.items() if runs
+        name: _error(np.concatenate(runs), identification.channels[name].span)
+        for name, runs in residuals.items()
+        if runs
     }
 
 

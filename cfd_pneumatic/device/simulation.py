@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a device makes of a recording: smoothed, as it is identified, or sample by sample, as `sim_node` answers it."""
+"""Simulate a device from a recording: with smoothing as in the identification, or sample by sample as in `sim_node`."""
 
 from __future__ import annotations
 
@@ -25,42 +25,44 @@ from cfd_pneumatic.identification import (
 from cfd_pneumatic.model import Cylinder, CylinderState, DeviceModel, LiveDevice
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 
-_FEWEST = 5  # samples that a spline needs
-_STARTING = 3  # samples whose median a pressure begins with
-_LONGEST_GAP = 1.0  # as `sim_node` has it by default [s]
+_FEWEST_SAMPLES = 5  # of a spline
+_START_SAMPLES = 3  # with the median of which a pressure begins
+_LONGEST_GAP = 1.0  # default of `sim_node` [s]
 
 
-def smoothed(
+def simulate_smoothed(
     device: DeviceModel, recording: Recording, constant: Mapping[str, float], measured_pressures: bool = False
 ) -> Recording:
-    """Return pressures and force at the times at which they were measured; constant set-points are gauge [Pa]."""
+    """Simulate pressures and force at the times of the measurements; constant set-points are gauge [Pa]."""
     signal = recording.displacement
-    if len(signal) < _FEWEST:
-        raise InputError(f'{recording.name}: {len(signal)} displacement samples are too few to simulate anything')
+    if len(signal) < _FEWEST_SAMPLES:
+        raise InputError(
+            f'{recording.name}: {len(signal)} displacement samples are too few: give at least {_FEWEST_SAMPLES}'
+        )
     motion = smooth_motion(signal.times, signal.values)
     setpoints = _setpoints(device, recording, constant)
     cylinders = {
-        name: CylinderSignals(_pressure(name, one, recording, motion, setpoints[name]), setpoints[name])
-        for name, one in device.cylinders.items()
+        name: CylinderSignals(_simulate_pressure(name, cylinder, recording, motion, setpoints[name]), setpoints[name])
+        for name, cylinder in device.cylinders.items()
     }
-    found = replace(recording, cylinders=cylinders, force=None, health=(), others={})
+    simulated = replace(recording, cylinders=cylinders, force=None, health=(), others={})
     if measured_pressures and recording.cylinders.keys() != device.cylinders.keys():
-        raise InputError(f'{recording.name}: pressures of {", ".join(device.cylinders)} are needed for the force')
-    source = recording if measured_pressures else found
-    return replace(found, force=_force(device, source, motion, recording.force or signal))
+        raise InputError(f'{recording.name}: the force needs recorded pressures of {", ".join(device.cylinders)}')
+    source = recording if measured_pressures else simulated
+    return replace(simulated, force=_simulate_force(device, source, motion, recording.force or signal))
 
 
 def _setpoints(device: DeviceModel, recording: Recording, constant: Mapping[str, float]) -> dict[str, Signal]:
-    """Return the absolute set-points [Pa]: the constant ones, or those that were recorded."""
+    """Return the absolute set-points [Pa], constant or as recorded."""
     begin, ambient = recording.displacement.times[:1], device.geometry.ambient_pressure
-    found = {}
+    setpoints = {}
     for name in device.cylinders:
         recorded = None if name in constant else recording.cylinders[name].setpoint
-        found[name] = Signal(begin, np.array([constant[name] + ambient])) if recorded is None else recorded
-    return found
+        setpoints[name] = Signal(begin, np.array([constant[name] + ambient])) if recorded is None else recorded
+    return setpoints
 
 
-def _pressure(name: str, cylinder: Cylinder, recording: Recording, motion: Motion, setpoint: Signal) -> Signal:
+def _simulate_pressure(name: str, cylinder: Cylinder, recording: Recording, motion: Motion, setpoint: Signal) -> Signal:
     measured = recording.cylinders[name].pressure if name in recording.cylinders else None
     stamps = recording.displacement.times if measured is None else measured.times
     sampled = motion.clock_of(stamps)
@@ -71,31 +73,32 @@ def _pressure(name: str, cylinder: Cylinder, recording: Recording, motion: Motio
     samples = np.searchsorted(times, sampled[within])
     first = level + cylinder.setpoint_offset
     if measured is not None and not rests_at_start(motion):
-        first = float(np.median(measured.values[within][:_STARTING]))
+        first = float(np.median(measured.values[within][:_START_SAMPLES]))
     if cylinder.effects and cylinder.parameters.setpoints.size == 1:
         start = first - level - cylinder.setpoint_offset
-        own = np.array([[cylinder.setpoint_offset, start, 0.0]])
-        model = Model.of_parts(cylinder.parameters.table[0, 1:], cylinder.effects, own)
-        values = _simulated(channel, model, recording, motion, times, inputs, samples)
+        experiment_values = np.array([[cylinder.setpoint_offset, start, 0.0]])
+        model = Model.of_parts(cylinder.parameters.table[0, 1:], cylinder.effects, experiment_values)
+        values = _simulate_channel(channel, model, recording, motion, times, inputs, samples)
     else:
         state = CylinderState.at_rest(first) if not cylinder.effects else None
         values = cylinder.simulate(times, inputs['displacement'], inputs['setpoint'], state)[samples]
     return Signal(stamps[within], values)
 
 
-def _force(device: DeviceModel, simulated: Recording, motion: Motion, at: Signal) -> Signal:
+def _simulate_force(device: DeviceModel, simulated: Recording, motion: Motion, measured: Signal) -> Signal:
     geometry = device.geometry
     channel = Force(geometry.area, geometry.geometric_factor, geometry.ambient_pressure)
-    sampled = motion.clock_of(at.times)
+    sampled = motion.clock_of(measured.times)
     within = channel.within(simulated, motion, sampled)
     times, inputs = channel.driven(simulated, motion, sampled[within])
     samples = np.searchsorted(times, sampled[within])
     parameters = np.array([geometry.area, geometry.geometric_factor])
     model = Model(parameters, device.force_effects, np.zeros((1, 1)))
-    return Signal(at.times[within], _simulated(channel, model, simulated, motion, times, inputs, samples))
+    values = _simulate_channel(channel, model, simulated, motion, times, inputs, samples)
+    return Signal(measured.times[within], values)
 
 
-def _simulated(
+def _simulate_channel(
     channel: Channel,
     model: Model,
     recording: Recording,
@@ -104,7 +107,7 @@ def _simulated(
     inputs: Mapping[str, Array],
     samples: NDArray[np.intp],
 ) -> Array:
-    """Return what a channel's model makes of inputs, at the samples, as a fit has it."""
+    """Simulate a channel's model at the samples, as in a fit."""
     experiment = Experiment(
         recording=recording.name,
         times=times,
@@ -118,34 +121,34 @@ def _simulated(
     return channel.simulated([experiment], model)[0]
 
 
-def answered(device: DeviceModel, recording: Recording, constant: Mapping[str, float]) -> Recording:
+def simulate_live(device: DeviceModel, recording: Recording, constant: Mapping[str, float]) -> Recording:
     """
-    Return pressures and force at the displacement's samples, each answered as it comes.
+    Simulate pressures and force at the samples of the displacement, sample by sample.
 
-    A set-point acts up to the first sample that is later, as in a node that hears it before that sample. After a gap it
-    starts anew, at rest.
+    A set-point acts up to the first later sample, as in a node that receives the set-point before that sample. After a
+    gap the simulation restarts at rest.
     """
     signal = recording.displacement
     setpoints = _setpoints(device, recording, constant)
     stamps = _nanoseconds(signal.times)
     ambient = device.geometry.ambient_pressure
-    held = np.full((len(signal), len(CYLINDERS)), ambient)
-    for name, one in setpoints.items():
-        place = np.searchsorted(_nanoseconds(one.times), stamps) - 1
-        held[:, CYLINDERS.index(name)] = one.values[np.maximum(place, 0)]
+    levels = np.full((len(signal), len(CYLINDERS)), ambient)
+    for name, setpoint in setpoints.items():
+        indices = np.searchsorted(_nanoseconds(setpoint.times), stamps) - 1
+        levels[:, CYLINDERS.index(name)] = setpoint.values[np.maximum(indices, 0)]
     live = LiveDevice(device, _LONGEST_GAP)
-    answers = np.empty((len(signal), len(CYLINDERS) + 1))
-    for index, (stamp, position, pair) in enumerate(zip(stamps.tolist(), signal.values.tolist(), held.tolist())):
+    samples = np.empty((len(signal), len(CYLINDERS) + 1))
+    for index, (stamp, position, pair) in enumerate(zip(stamps.tolist(), signal.values.tolist(), levels.tolist())):
         live.sample(stamp, position, (pair[0], pair[1]))
         assert live.committed is not None
         state = live.committed.state
-        readings = [ambient if one is None else one.reading for one in (state.a, state.b)]
-        answers[index] = *readings, device.contact_force(state)
+        readings = [ambient if cylinder is None else cylinder.reading for cylinder in (state.a, state.b)]
+        samples[index] = *readings, device.contact_force(state)
     cylinders = {
-        name: CylinderSignals(Signal(signal.times, answers[:, CYLINDERS.index(name)]), setpoints[name])
+        name: CylinderSignals(Signal(signal.times, samples[:, CYLINDERS.index(name)]), setpoints[name])
         for name in device.cylinders
     }
-    force = Signal(signal.times, answers[:, -1])
+    force = Signal(signal.times, samples[:, -1])
     return replace(recording, cylinders=cylinders, force=force, health=(), others={})
 
 

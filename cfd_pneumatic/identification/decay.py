@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A pressure that falls behind a shut valve: how much leaks, and by which law.
+Estimate the leak and its characteristic from the pressure behind a shut valve.
 
-Without a regulator and without motion the chamber's mass balance is left, equation (1) of the paper with a leak for its
-valves: dp/dt = -conductance law(p). How long the pressure takes from one value to another is then an integral over
-1 / law, so that no equation has to be solved step by step. Beside a leak the pressure may settle: air that was
-compressed cools down, and a soft chamber gives way. The first half of a recording is fitted, the second tells the laws
-apart.
+Without a regulator and without motion the mass balance of the chamber, equation (1) of the paper, contains the leak
+alone: dp/dt = -conductance f(p), with the characteristic f. The time between two pressures is an integral of 1 / f, so
+that no differential equation has to be solved. The pressure may also settle, because compressed air cools down and a
+soft chamber expands. Each characteristic is fitted to the first half of a recording, and the second half selects
+between the characteristics.
 """
 
 from __future__ import annotations
@@ -47,36 +47,36 @@ from cfd_pneumatic.model import MODULES, Moment
 from cfd_pneumatic.recording import Signal
 
 LAWS: Mapping[str, float] = MappingProxyType({'gap': 0.0, 'orifice': 1.0})
-"""Laws of the effect `leakage`, by what its parameter `orifice` is."""
+"""Characteristics of the effect `leakage`, with the value of the parameter `orifice`."""
 
 
 @dataclass(frozen=True)
 class Leak:
     """
-    One law, fitted to a decay.
+    A leak characteristic, fitted to a decay.
 
     Attributes
     ----------
-    law
-        One of `LAWS`.
+    characteristic
+        Name in `LAWS`.
     conductance
-        Share of the gauge pressure (orifice: of the absolute) lost in a second, of the whole recording [1/s].
+        Share of the gauge pressure (orifice: of the absolute pressure) lost per second, from the whole recording [1/s].
     interval
-        Its 95 % interval [1/s].
+        95 % confidence interval of the conductance [1/s].
     start
-        Absolute pressure at the start that leaks away, without what settles [Pa].
+        Absolute pressure at the start, without the settling part [Pa].
     settling, time_constant
-        By how much the pressure settles beside the leak, and its time constant [Pa, s]; 0 where it need not.
+        Amplitude and time constant of the settling [Pa, s]; 0 without settling.
     error
-        Of what was fitted to the first half, on the second [Pa].
+        RMSE on the second half of the fit to the first half [Pa].
     excluded
-        Whether the second half speaks against the law.
+        Whether the second half contradicts the characteristic.
     simulated
-        Pressure at the samples, of the whole recording's fit, shape (n,) [Pa].
+        Pressure at the samples, from the fit to the whole recording, shape (n,) [Pa].
 
     """
 
-    law: str
+    characteristic: str
     conductance: float
     interval: tuple[float, float]
     start: float
@@ -90,21 +90,21 @@ class Leak:
 @dataclass(frozen=True)
 class Decay:
     """
-    What a decay tells.
+    Result of a leak test.
 
     Attributes
     ----------
     times, pressure
-        Of the samples, shape (n,) [s], absolute [Pa].
+        Times and absolute pressures of the samples, shape (n,) [s, Pa].
     ambient_pressure
-        Absolute [Pa].
+        Absolute ambient pressure [Pa].
     noise
-        From sample to sample [Pa].
+        Standard deviation of the noise from sample to sample [Pa].
     leaks
-        Every law, the one that errs least first.
-    tells_below
-        Gauge pressure to which it would have to fall until the laws can be told apart, and the time that takes
-        [Pa, s]; None where the laws are told apart already, or never are.
+        Fits of all characteristics, the smallest error first.
+    distinguishable_below
+        Gauge pressure below which the characteristics are distinguishable, and the time until then [Pa, s]; None if
+        they are distinguishable already, or never.
 
     """
 
@@ -113,29 +113,29 @@ class Decay:
     ambient_pressure: float
     noise: float
     leaks: tuple[Leak, ...]
-    tells_below: tuple[float, float] | None
+    distinguishable_below: tuple[float, float] | None
 
     @property
     def best(self) -> Leak:
-        """The law that errs least."""
+        """The characteristic with the smallest error."""
         return self.leaks[0]
 
     @property
-    def told(self) -> bool:
-        """Whether there is a leak at all: zero lies outside of its interval."""
+    def has_leak(self) -> bool:
+        """Whether there is a leak: its confidence interval excludes zero."""
         return self.best.interval[0] > 0.0
 
 
 def decay_of(signal: Signal, ambient_pressure: float) -> Decay:
     """
-    Return what a pressure tells that falls behind a shut valve.
+    Estimate the leak from a pressure that falls behind a shut valve.
 
     Parameters
     ----------
     signal
-        Absolute pressure [Pa], from when the valve is shut.
+        Absolute pressure from the time at which the valve is shut [Pa].
     ambient_pressure
-        Absolute [Pa].
+        Absolute ambient pressure [Pa].
 
     Raises
     ------
@@ -154,48 +154,50 @@ def decay_of(signal: Signal, ambient_pressure: float) -> Decay:
     if float(np.median(gauge)) < LEAST_GAUGE_PRESSURE:
         raise InputError(
             f'is mostly {1e-3 * float(np.median(gauge)):.4g} kPa above ambient: check its reference and its unit, '
-            'or take the part before the chamber is empty'
+            'or use the part before the chamber is empty'
         )
     noise = max(float(np.std(np.diff(pressure))) / math.sqrt(2.0), LEAST_DECAY_NOISE)
-    falls = {law: _Fall(law, ambient_pressure, float(np.max(gauge))) for law in LAWS}
-    fits = [_fitted(fall, times, pressure) for fall in falls.values()]
-    limit = min(LARGEST_LAW_ERROR * noise, LARGEST_LAW_ERROR_RATIO * max(min(one.error for one in fits), noise))
-    leaks = sorted((_summed_up(one, times, pressure, limit) for one in fits), key=lambda one: one.error)
-    apart = None
-    if not any(one.excluded for one in leaks):
-        apart = _told_below(list(falls.values()), leaks[0], noise)
-    return Decay(times, pressure, ambient_pressure, noise, tuple(leaks), apart)
+    falls = {name: _Fall(name, ambient_pressure, float(np.max(gauge))) for name in LAWS}
+    fits = [_fit_first_half(fall, times, pressure) for fall in falls.values()]
+    limit = min(LARGEST_LAW_ERROR * noise, LARGEST_LAW_ERROR_RATIO * max(min(fit.error for fit in fits), noise))
+    leaks = sorted((_fit_all_samples(fit, times, pressure, limit) for fit in fits), key=lambda leak: leak.error)
+    distinguishable_below = None
+    if not any(leak.excluded for leak in leaks):
+        distinguishable_below = _distinguishable_below(list(falls.values()), leaks[0], noise)
+    return Decay(times, pressure, ambient_pressure, noise, tuple(leaks), distinguishable_below)
 
 
-def rate_of(law: str, pressure: float, ambient_pressure: float) -> float:
-    """Return how fast the pressure falls by a law of the library, for a conductance of 1 / s [Pa/s]."""
+def rate_of(characteristic: str, pressure: float, ambient_pressure: float) -> float:
+    """Return the rate at which the pressure falls by a characteristic, for a conductance of 1 / s [Pa/s]."""
     moment = Moment(time=0.0, x=0.0, rate=0.0, p=pressure, setpoint=pressure, ambient=ambient_pressure)
-    return -float(MODULES['leakage'].chamber(0.0, moment, 1.0, LAWS[law]))
+    return -float(MODULES['leakage'].chamber(0.0, moment, 1.0, LAWS[characteristic]))
 
 
 class _Fall:
     """
-    How a pressure falls by a law.
+    Tabulated fall of a pressure by a leak characteristic.
 
-    `took` is the time to each of the falling `pressures` from the first one, times the conductance [-].
+    `scaled_times` is the time from the first pressure to each of the falling `pressures`, times the conductance [-].
     """
 
-    def __init__(self, law: str, ambient_pressure: float, highest: float) -> None:
-        self.law, self.ambient = law, ambient_pressure
+    def __init__(self, characteristic: str, ambient_pressure: float, highest: float) -> None:
+        self.characteristic, self.ambient = characteristic, ambient_pressure
         shares = np.geomspace(LARGEST_START_PRESSURE, LEAST_TABULATED_PRESSURE, TABULATED_PRESSURES)
         self.pressures = ambient_pressure + shares * highest
-        self.rates = np.array([rate_of(law, one, ambient_pressure) for one in self.pressures.tolist()])
-        self.took = cumulative_trapezoid(1.0 / self.rates, -self.pressures, initial=0.0)
+        self.rates = np.array(
+            [rate_of(characteristic, pressure, ambient_pressure) for pressure in self.pressures.tolist()]
+        )
+        self.scaled_times = cumulative_trapezoid(1.0 / self.rates, -self.pressures, initial=0.0)
 
-    def at(self, times: Array, start: float, conductance: float) -> Array:
-        """Return the pressure at times, shape (n,) [Pa]."""
-        began = np.interp(-start, -self.pressures, self.took)
-        return np.asarray(np.interp(began + conductance * times, self.took, self.pressures))
+    def pressure_at(self, times: Array, start: float, conductance: float) -> Array:
+        """Return the pressure at times after the start pressure, shape (n,) [Pa]."""
+        begin = np.interp(-start, -self.pressures, self.scaled_times)
+        return np.asarray(np.interp(begin + conductance * times, self.scaled_times, self.pressures))
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """What was fitted to the first half: the law, unknowns as they are searched, and their bounds."""
+    """Fit of a characteristic to the first half: unknowns in search units, and their bounds."""
 
     fall: _Fall
     unknowns: Array
@@ -209,23 +211,23 @@ class _Fit:
         return self.unknowns.size > 2
 
     def simulated(self, times: Array, unknowns: Array) -> Array:
-        """Return the pressure by start [scale], conductance [1/duration], settling [scale] and log time constant."""
+        """Return the pressure for start [scale], conductance [1/duration], settling [scale] and log time constant."""
         duration = float(times[-1])
         start = self.fall.ambient + self.scale * unknowns[0]
-        found = self.fall.at(times, start, float(unknowns[1]) / duration)
+        pressure = self.fall.pressure_at(times, start, float(unknowns[1]) / duration)
         if self.settles:
-            found = found + self.scale * unknowns[2] * np.exp(-times / math.exp(unknowns[3]))
-        return np.asarray(found)
+            pressure = pressure + self.scale * unknowns[2] * np.exp(-times / math.exp(unknowns[3]))
+        return np.asarray(pressure)
 
 
-def _fitted(fall: _Fall, times: Array, pressure: Array) -> _Fit:
-    """Return a law fitted to the first half, with settling where the second half is the better for it."""
+def _fit_first_half(fall: _Fall, times: Array, pressure: Array) -> _Fit:
+    """Fit a characteristic to the first half, with settling if the settling reduces the error on the second half."""
     first = times <= 0.5 * times[-1]
-    alone, settling = (_fit_of(fall, times, pressure, first, settles) for settles in (False, True))
-    return settling if settling.error < LARGEST_SETTLING_RATIO * alone.error else alone
+    leak_only, settling = (_fit_with_settling(fall, times, pressure, first, settles) for settles in (False, True))
+    return settling if settling.error < LARGEST_SETTLING_RATIO * leak_only.error else leak_only
 
 
-def _fit_of(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_], settles: bool) -> _Fit:
+def _fit_with_settling(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_], settles: bool) -> _Fit:
     scale, duration = float(np.max(pressure)) - fall.ambient, float(times[-1])
     period = float(np.median(np.diff(times)))
     lower, upper = np.array([0.0, 0.0]), np.array([LARGEST_START_PRESSURE, np.inf])
@@ -236,22 +238,24 @@ def _fit_of(fall: _Fall, times: Array, pressure: Array, first: NDArray[np.bool_]
             np.append(upper, [LARGEST_SETTLING, math.log(duration)]),
         )
         constants = np.geomspace(10.0 * period, 0.9 * duration, SETTLING_STARTS)
-        begins = [np.append(begins[0], [1e-3, math.log(one)]) for one in constants]
+        begins = [np.append(begins[0], [1e-3, math.log(constant)]) for constant in constants]
     blank = _Fit(fall, begins[0], lower, upper, scale, math.inf)
-    searched = [_searched(blank, times, pressure, first, begin) for begin in begins]
-    unknowns = np.asarray(min(searched, key=lambda one: float(one.cost)).x)
-    left = (pressure - blank.simulated(times, unknowns))[~first]
-    return _Fit(fall, unknowns, lower, upper, scale, rms(left))
+    searched = [_search_unknowns(blank, times, pressure, first, begin) for begin in begins]
+    unknowns = np.asarray(min(searched, key=lambda optimum: float(optimum.cost)).x)
+    residual = (pressure - blank.simulated(times, unknowns))[~first]
+    return _Fit(fall, unknowns, lower, upper, scale, rms(residual))
 
 
-def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_], begin: Array) -> OptimizeResult:
-    """Return the unknowns that make the sum of squares at samples that count least."""
+def _search_unknowns(
+    fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_], begin: Array
+) -> OptimizeResult:
+    """Search the unknowns with the least sum of squares at the samples that count."""
 
-    def left(unknowns: Array) -> Array:
+    def residual(unknowns: Array) -> Array:
         return np.asarray((fit.simulated(times, unknowns) - pressure)[counts] / fit.scale)
 
     return least_squares(
-        left,
+        residual,
         np.clip(begin, fit.lower, fit.upper),
         bounds=(fit.lower, fit.upper),
         x_scale='jac',
@@ -261,22 +265,22 @@ def _searched(fit: _Fit, times: Array, pressure: Array, counts: NDArray[np.bool_
     )
 
 
-def _summed_up(fit: _Fit, times: Array, pressure: Array, largest_error: float) -> Leak:
-    """Return a law fitted to all samples."""
-    found = _searched(fit, times, pressure, np.ones(times.size, np.bool_), fit.unknowns)
-    unknowns = np.asarray(found.x)
+def _fit_all_samples(fit: _Fit, times: Array, pressure: Array, largest_error: float) -> Leak:
+    """Return the fit of a characteristic to all samples, with its standard errors."""
+    optimum = _search_unknowns(fit, times, pressure, np.ones(times.size, np.bool_), fit.unknowns)
+    unknowns = np.asarray(optimum.x)
     simulated = fit.simulated(times, unknowns)
     degrees = times.size - unknowns.size
-    covariance = information([fit.scale * np.asarray(found.jac)], [pressure - simulated]).covariance(degrees)
+    covariance = information([fit.scale * np.asarray(optimum.jac)], [pressure - simulated]).covariance(degrees)
     duration = float(times[-1])
     std = math.sqrt(max(float(covariance[1, 1]), 0.0)) / duration
     conductance = float(unknowns[1]) / duration
-    reach = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE)) * std
+    margin = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE)) * std
     settling = (fit.scale * float(unknowns[2]), math.exp(float(unknowns[3]))) if fit.settles else (0.0, 0.0)
     return Leak(
-        law=fit.fall.law,
+        characteristic=fit.fall.characteristic,
         conductance=conductance,
-        interval=(max(conductance - reach, 0.0), conductance + reach),
+        interval=(max(conductance - margin, 0.0), conductance + margin),
         start=fit.fall.ambient + fit.scale * float(unknowns[0]),
         settling=settling[0],
         time_constant=settling[1],
@@ -286,18 +290,20 @@ def _summed_up(fit: _Fit, times: Array, pressure: Array, largest_error: float) -
     )
 
 
-def _told_below(falls: list[_Fall], leak: Leak, noise: float) -> tuple[float, float] | None:
-    """Return the gauge pressure at which laws that begin alike differ, and when that is; None where they never do."""
+def _distinguishable_below(falls: list[_Fall], leak: Leak, noise: float) -> tuple[float, float] | None:
+    """Return the gauge pressure at which characteristics with equal initial rates differ, and its time, or None."""
     if leak.interval[0] <= 0.0:
         return None
-    own = next(fall for fall in falls if fall.law == leak.law)
+    leak_fall = next(fall for fall in falls if fall.characteristic == leak.characteristic)
     at_start = partial(np.interp, -leak.start)
-    rate = leak.conductance * float(at_start(-own.pressures, own.rates))
-    began = float(at_start(-own.pressures, own.took))
-    times = (own.took[own.took > began] - began) / leak.conductance
-    courses = [fall.at(times, leak.start, rate / float(at_start(-fall.pressures, fall.rates))) for fall in falls]
-    apart = np.ptp(courses, axis=0) > LEAST_LAW_DISTANCE * noise
-    if not apart.any():
+    rate = leak.conductance * float(at_start(-leak_fall.pressures, leak_fall.rates))
+    begin = float(at_start(-leak_fall.pressures, leak_fall.scaled_times))
+    times = (leak_fall.scaled_times[leak_fall.scaled_times > begin] - begin) / leak.conductance
+    courses = [
+        fall.pressure_at(times, leak.start, rate / float(at_start(-fall.pressures, fall.rates))) for fall in falls
+    ]
+    differ = np.ptp(courses, axis=0) > LEAST_LAW_DISTANCE * noise
+    if not differ.any():
         return None
-    first = int(np.argmax(apart))
-    return float(courses[falls.index(own)][first]) - own.ambient, float(times[first])
+    first = int(np.argmax(differ))
+    return float(courses[falls.index(leak_fall)][first]) - leak_fall.ambient, float(times[first])

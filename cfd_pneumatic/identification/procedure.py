@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From recordings to an identification: smooth, split, fit, judge."""
+"""Identify a device from recordings: smooth, split, fit, check and close the loop."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ from cfd_pneumatic.recording import Recording, split_at_gaps
 from cfd_pneumatic.runtime import map_in_threads
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and which share of the whole is done [0 to 1]."""
+"""Called with the current activity and the completed share of the work [0 to 1]."""
 
-_SMOOTHED = 0.06  # share of the whole
+_SMOOTHING_SHARE = 0.06  # of the work
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Prepared:
     Attributes
     ----------
     recordings, motions
-        What was recorded, and how the piston moved.
+        Recordings, and the smoothed motion of the piston in each.
     splits, no_test
-        Where each recording is cut, and why there is no test part, or None.
+        Parts of each recording, and the reason for a missing test part, or None.
 
     """
 
@@ -69,11 +69,12 @@ class Prepared:
     no_test: str | None
 
     def holding(self, channel: Channel) -> tuple[int, ...]:
-        """Return the indices of the recordings that hold a channel."""
-        return tuple(index for index, one in enumerate(self.recordings) if channel.signal(one) is not None)
+        """Return the indices of the recordings that contain a channel."""
+        recordings = enumerate(self.recordings)
+        return tuple(index for index, recording in recordings if channel.signal(recording) is not None)
 
     def experiments(self, channel: Channel) -> tuple[Experiment, ...]:
-        """Return a channel's experiments, one for each recording that holds it."""
+        """Return a channel's experiments, one for each recording that contains the channel."""
         return tuple(
             replace(channel.experiment(self.recordings[index], self.motions[index], self.splits[index]), index=rank)
             for rank, index in enumerate(self.holding(channel))
@@ -82,12 +83,12 @@ class Prepared:
 
 def prepare_recordings(recordings: Sequence[Recording], fractions: tuple[float, float, float] = FRACTIONS) -> Prepared:
     """
-    Return recordings with the displacement smoothed, and cut into parts.
+    Smooth the displacement of recordings, and split each recording into parts.
 
     Raises
     ------
     InputError
-        If a recording holds no motion or too few samples.
+        If a recording has no motion or too few samples.
 
     """
     motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
@@ -99,15 +100,16 @@ def identify(
     recordings: Sequence[Recording], options: Options = Options(), progress: Progress = lambda _what, _share: None
 ) -> Identification:
     """
-    Identify each channel that the recordings hold, jointly over all of them.
+    Identify each recorded channel, jointly over all recordings.
 
-    What a channel beside the cylinders does not tell does not keep the others from telling. What lies between the gaps
-    of a recording is identified as a recording of its own.
+    A failure of the force does not prevent the identification of the cylinders. Each piece of a recording between gaps
+    is a separate recording.
 
     Raises
     ------
     InputError
-        If there is no recording, one holds no motion or too few samples, or a cylinder tells no parameter.
+        If there is no recording, a recording has no motion or too few samples, or a cylinder has no identifiable
+        parameter.
 
     """
     if not recordings:
@@ -117,105 +119,110 @@ def identify(
     try:
         data = prepare_recordings(recordings, options.fractions)
     except InputError as error:
-        raise _with_what_it_looks_like(error, recordings, options) from error
+        raise _with_input_warnings(error, recordings, options) from error
     channels = channels_of(recordings, options)
     waiting = [channel.name for channel in channels]
-    progress(f'fitting {", ".join(waiting)}', _SMOOTHED)
+    progress(f'fitting {", ".join(waiting)}', _SMOOTHING_SHARE)
 
     samples = sum(len(recording.displacement.times) for recording in recordings)
-    together = map_in_threads if samples <= MOST_SAMPLES_TOGETHER else map  # one after the other where memory counts
-    fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
-    even, uneven = _without_waves(data, fits, channels, options)
-    if uneven:
-        data = even
-        fits = dict(zip(waiting, together(lambda channel: _fitted(channel, data), channels)))
-    failed = {name: one for name, one in fits.items() if isinstance(one, InputError)}
-    fitted = {channel: one for channel in channels if isinstance(one := fits[channel.name], Fit)}
+    map_channels = map_in_threads if samples <= MOST_SAMPLES_TOGETHER else map  # threads need more memory
+    fits = dict(zip(waiting, map_channels(lambda channel: _fit_channel(channel, data), channels)))
+    without_ripple, ripple_notices = _remove_ripple(data, fits, channels, options)
+    if ripple_notices:
+        data = without_ripple
+        fits = dict(zip(waiting, map_channels(lambda channel: _fit_channel(channel, data), channels)))
+    failed = {name: fit for name, fit in fits.items() if isinstance(fit, InputError)}
+    fitted = {channel: fit for channel in channels if isinstance(fit := fits[channel.name], Fit)}
     needed = {channel: fits[channel.name] for channel in channels if channel.needed}
-    untold = [one for one in needed.values() if isinstance(one, InputError)]
-    doubtful = bool(untold) or is_misread([one for one in needed.values() if isinstance(one, Fit)])
-    other = alternative_reading(recordings, options) if doubtful else None
-    seen = {name: [other] for name in waiting} if other else _steps(needed, data, options)
-    seen_in_any = list(dict.fromkeys(chain(*seen.values())))
-    in_vain = {*waiting} if any(map(hides_effects, recordings)) else {*seen}  # to seek effects would take minutes
-    if untold:
-        reason = _together(seen_in_any) if seen_in_any else untold[0]
-        raise _with_what_it_looks_like(reason, recordings, options)
+    errors = [fit for fit in needed.values() if isinstance(fit, InputError)]
+    is_implausible = bool(errors) or is_misread([fit for fit in needed.values() if isinstance(fit, Fit)])
+    reading = alternative_reading(recordings, options) if is_implausible else None
+    notices_by_channel = {name: [reading] for name in waiting} if reading else _check_steps(needed, data, options)
+    fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
+    # A search for effects in these channels would take minutes and find nothing.
+    not_searched = {*waiting} if any(map(hides_effects, recordings)) else {*notices_by_channel}
+    if errors:
+        reason = _combine(fit_notices) if fit_notices else errors[0]
+        raise _with_input_warnings(reason, recordings, options)
 
     def result_of(channel: Channel) -> ChannelResult:
-        found = _identified(channel, fitted[channel], data, options, misread=channel.name in in_vain)
+        result = _identify_channel(channel, fitted[channel], data, options, misread=channel.name in not_searched)
         waiting.remove(channel.name)
-        share = 1.0 - (1.0 - _SMOOTHED) * len(waiting) / len(channels)
+        share = 1.0 - (1.0 - _SMOOTHING_SHARE) * len(waiting) / len(channels)
         progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
-        return found
+        return result
 
-    results = {one.channel.name: one for one in together(result_of, fitted)}
+    results = {result.channel.name: result for result in map_channels(result_of, fitted)}
     unidentified = {name: str(error) for name, error in failed.items()}
-    notices = (*check_results(recordings, results, options, seen_in_any), *uneven)
-    misread = any_warning([one for one in notices if one.code != 'size_suspect'])
-    notices += tuple(_notice_of(one, misread) for one in failed.values())
-    results = {name: one.doubted() if any_warning(notices) else one for name, one in results.items()}
+    notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
+    misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
+    notices += tuple(_notice_of(error, misread) for error in failed.values())
+    results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
     return Identification(
         tuple(recordings), data.recordings, data.splits, data.no_test, results, unidentified, options, notices
     )
 
 
-def _without_waves(
+def _remove_ripple(
     data: Prepared, fits: Mapping[str, Fit | InputError], channels: Sequence[Channel], options: Options
 ) -> tuple[Prepared, tuple[Notice, ...]]:
-    """Return the recordings without waves of the displacement that no pressure follows, and what to say of them."""
-    found = [ripple_of(*one) for one in zip(data.recordings, data.motions)]
-    if not any(found):
+    """Return the recordings without sensor ripple, and a note; the recordings as they are without ripple."""
+    ripples = [ripple_of(*recorded) for recorded in zip(data.recordings, data.motions)]
+    if not any(ripples):
         return data, ()
-    recordings = tuple(one if waves is None else waves.without for one, waves in zip(data.recordings, found))
+    recordings = tuple(
+        recording if ripple is None else ripple.without for recording, ripple in zip(data.recordings, ripples)
+    )
     even = prepare_recordings(recordings, options.fractions)
     pressures = [
-        (waves, own, recorded, without)
+        (ripple, fit, recorded, without)
         for channel in channels
-        if channel.needed and isinstance(own := fits[channel.name], Fit)
+        if channel.needed and isinstance(fit := fits[channel.name], Fit)
         for index, recorded, without in zip(
-            data.holding(channel), own.likelihood.experiments, even.experiments(channel)
+            data.holding(channel), fit.likelihood.experiments, even.experiments(channel)
         )
-        if (waves := found[index])
+        if (ripple := ripples[index])
     ]
-    said = ripple_notice(pressures)
-    return (data, ()) if said is None else (even, (said,))
+    notice = ripple_notice(pressures)
+    return (data, ()) if notice is None else (even, (notice,))
 
 
-def _steps(needed: Mapping[Channel, Fit | InputError], data: Prepared, options: Options) -> dict[str, list[Notice]]:
-    """Return where set-points that were not recorded step, by the cylinders whose do."""
-    found = {}
-    for channel, one in needed.items():
-        if isinstance(one, Fit):
-            steps = steps_of_fit(one, data.recordings)
+def _check_steps(
+    needed: Mapping[Channel, Fit | InputError], data: Prepared, options: Options
+) -> dict[str, list[Notice]]:
+    """Return warnings about steps of set-points that were not recorded, by cylinder."""
+    notices = {}
+    for channel, fit in needed.items():
+        if isinstance(fit, Fit):
+            steps = steps_of_fit(fit, data.recordings)
         else:
             steps = steps_of_pressure(channel, data.experiments(channel), data.recordings, options.ambient_pressure)
-        found[channel.name] = list(steps)
-    return {name: steps for name, steps in found.items() if steps}
+        notices[channel.name] = list(steps)
+    return {name: steps for name, steps in notices.items() if steps}
 
 
-def _together(notices: Sequence[Notice]) -> SuspectError:
-    """Return notices of one kind, which have one mend, as an error."""
-    return SuspectError(replace(notices[0], message='; '.join(one.message for one in notices)))
+def _combine(notices: Sequence[Notice]) -> SuspectError:
+    """Return notices of the same kind and fix as an error."""
+    return SuspectError(replace(notices[0], message='; '.join(notice.message for notice in notices)))
 
 
-def _notice_of(error: InputError, doubted: bool) -> Notice:
-    """Return why a channel could not be identified; of doubted data that is no suspicion of its own."""
-    return error.notice if isinstance(error, SuspectError) and not doubted else note('not_identified', str(error))
+def _notice_of(error: InputError, misread: bool) -> Notice:
+    """Return why a channel could not be identified, as a warning only if no other warning explains the failure."""
+    return error.notice if isinstance(error, SuspectError) and not misread else note('not_identified', str(error))
 
 
-def _with_what_it_looks_like(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
-    """Return the mistakes that recordings look like, and the error that they end in if nothing is mended."""
-    seen = [one for one in check_recordings(recordings, options) if one.level == WARNING]
-    if not seen:
+def _with_input_warnings(error: InputError, recordings: Sequence[Recording], options: Options) -> InputError:
+    """Return an error that begins with the warnings about likely input errors."""
+    warnings = [notice for notice in check_recordings(recordings, options) if notice.level == WARNING]
+    if not warnings:
         return error
-    first, *others = seen
-    last = str(error) if isinstance(error, SuspectError) else f'as it is read now, {error}'
-    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, others), last])))
+    first, *following = warnings
+    last = str(error) if isinstance(error, SuspectError) else f'otherwise, {error}'
+    return SuspectError(replace(first, fix='; '.join([first.fix, *map(str, following), last])))
 
 
-def _fitted(channel: Channel, data: Prepared) -> Fit | InputError:
-    """Return a channel's model without effects, fitted, or why it could not be."""
+def _fit_channel(channel: Channel, data: Prepared) -> Fit | InputError:
+    """Return the fit of a channel's model without effects, or the error that prevents the fit."""
     try:
         return fit_model(channel, data.experiments(channel))
     except SuspectError as error:
@@ -224,9 +231,9 @@ def _fitted(channel: Channel, data: Prepared) -> Fit | InputError:
         return InputError(f'{channel.name}: {error}')
 
 
-def _identified(channel: Channel, joint: Fit, data: Prepared, options: Options, misread: bool) -> ChannelResult:
-    """Return what a channel tells; in recordings that are misread nothing is searched for, which would take minutes."""
-    held, experiments = data.holding(channel), joint.likelihood.experiments
+def _identify_channel(channel: Channel, joint: Fit, data: Prepared, options: Options, misread: bool) -> ChannelResult:
+    """Return the result of a channel, without a search for effects if the recordings are misread."""
+    indices, experiments = data.holding(channel), joint.likelihood.experiments
     schedule, simulated, notes = _schedule(joint, options)
     found, conclusion = joint, None
     if options.close_loop:
@@ -237,10 +244,12 @@ def _identified(channel: Channel, joint: Fit, data: Prepared, options: Options, 
         channel=channel,
         fit=joint,
         schedule=tuple(schedule),
-        comparisons=tuple(Comparison(channel, *one) for one in zip(held, experiments, simulated, found.simulated)),
+        comparisons=tuple(
+            Comparison(channel, *compared) for compared in zip(indices, experiments, simulated, found.simulated)
+        ),
         before=part_errors(experiments, simulated),
         after=part_errors(experiments, found.simulated),
-        span=float(np.mean([one.span for one in experiments])),
+        span=float(np.mean([experiment.span for experiment in experiments])),
         noise=joint.likelihood.noise(joint.model) if conclusion is None else conclusion.noise,
         notes=tuple(notes),
         found=found,
@@ -249,7 +258,7 @@ def _identified(channel: Channel, joint: Fit, data: Prepared, options: Options, 
 
 
 def _schedule(joint: Fit, options: Options) -> tuple[list[OperatingPoint], list[Array], list[str]]:
-    """Return the operating points, what they simulate, and what was left out."""
+    """Return the operating points, the simulated signals, and notes about ignored set-points."""
     levels = joint.likelihood.channel.levels(joint.likelihood.experiments, joint.model)
     if options.per_setpoint and levels:
         return _fit_each_setpoint(joint, levels, options.ambient_pressure)
@@ -261,9 +270,9 @@ def _fit_each_setpoint(
     joint: Fit, levels: Sequence[Array], ambient_pressure: float
 ) -> tuple[list[OperatingPoint], list[Array], list[str]]:
     """
-    Fit each set-point on its own; return the schedule, what it simulates, and what was left out.
+    Fit each set-point separately; return the operating points, the simulated signals, and notes.
 
-    A recording that holds several set-points is simulated whole for each of them, and compared where it applies.
+    A recording with several set-points is simulated for each set-point, and compared where that set-point acts.
     """
     channel, experiments = joint.likelihood.channel, joint.likelihood.experiments
     simulated = [values.copy() for values in joint.simulated]
@@ -272,26 +281,29 @@ def _fit_each_setpoint(
         applies = [(low <= level) & (level <= high) for level in levels]
         used = [index for index, mask in enumerate(applies) if np.any(mask & experiments[index].counts)]
         if not used:
-            notes.append(f'set-point {low:.0f} Pa left out of the schedule: only the test part holds it')
+            notes.append(f'set-point {low:.0f} Pa is not in the schedule: only the test part contains it')
             continue
         setpoint = float(np.mean(np.concatenate([levels[index][applies[index]] for index in used])))
         try:
             chosen = [replace(experiments[index], index=rank) for rank, index in enumerate(used)]
-            chosen = [replace(one, chosen=one.counts & applies[index]) for one, index in zip(chosen, used)]
-            found = fit_model(channel, chosen)
+            chosen = [
+                replace(experiment, chosen=experiment.counts & applies[index])
+                for experiment, index in zip(chosen, used)
+            ]
+            fit = fit_model(channel, chosen)
         except InputError as error:
-            notes.append(f'set-point {setpoint:.0f} Pa left out of the schedule: {error}')
+            notes.append(f'set-point {setpoint:.0f} Pa is not in the schedule: {error}')
             continue
-        schedule.append(OperatingPoint(setpoint, found))
+        schedule.append(OperatingPoint(setpoint, fit))
         for rank, index in enumerate(used):
-            simulated[index][applies[index]] = found.simulated[rank][applies[index]]
+            simulated[index][applies[index]] = fit.simulated[rank][applies[index]]
     if not schedule:
-        raise InputError('no set-point has data enough for a fit of its own: identify without --per-setpoint')
+        raise InputError('no set-point has enough data for a separate fit: identify without --per-setpoint')
     return schedule, simulated, notes
 
 
 def _bands(levels: Array, ambient_pressure: float) -> list[tuple[float, float]]:
-    """Return lowest and highest level [Pa] of each group of neighbouring set-points, ascending."""
+    """Return the lowest and highest level [Pa] of each group of adjacent set-points, ascending."""
     values = np.unique(levels)
     gaps = np.flatnonzero(np.diff(values) > LARGEST_SETPOINT_GAP * (values[:-1] + ambient_pressure)) + 1
     return [(float(group[0]), float(group[-1])) for group in np.split(values, gaps)]

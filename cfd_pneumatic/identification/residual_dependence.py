@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where what a model leaves lives: on which signals it depends most, and what that suggests to look at."""
+"""Find the signals on which the remaining error depends most, and what to inspect."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from cfd_pneumatic.identification.thresholds import (
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
     {
-        'position': 'something at one place of the travel: a scored wall, a port, a linkage',
-        'piston speed': 'what flow has to pass: line, fittings, the valves',
-        'direction': 'what differs out and back: play, friction, hysteresis of a valve',
-        'pressure': 'what grows with pressure: a leak, the supply, the scale of a sensor',
-        'contact force': 'what grows with the force: the scale of the load cell, friction under load',
-        'pressure difference': 'what grows with the force: area, linkage, the scale of the load cell',
-        'set-point': 'gains that follow the operating point, or a set-point that is not the one that acts',
+        'position': 'one place of the travel: a scored wall, a port, a linkage',
+        'piston speed': 'the flow path: line, fittings, valves',
+        'direction': 'differences between the directions: backlash, friction, hysteresis of a valve',
+        'pressure': 'causes that grow with pressure: a leak, the supply, the scale of a sensor',
+        'contact force': 'causes that grow with the force: the scale of the load cell, friction under load',
+        'pressure difference': 'causes that grow with the force: area, linkage, the scale of the load cell',
+        'set-point': 'the set-point: gains that depend on the operating point, or a set-point that does not act',
         'valve error': "the regulator's valves: dead band, limits, dirt",
-        'time': 'what drifts or comes and goes: temperature, supply, another consumer',
+        'time': 'drift and interruptions: temperature, supply, another consumer',
     }
 )
-"""What a dependence suggests to look at on the machine, by signal."""
+"""What to inspect on the machine, by the signal on which the remaining error depends."""
 
 
 @dataclass(frozen=True)
 class Dependence:
     """
-    How a residual depends on a signal.
+    Dependence of a residual on a signal.
 
     Attributes
     ----------
     on
         Name of the signal, for people.
     share
-        Part of the residual's power that its mean over the signal explains [-].
+        Share of the residual's power that the mean residual in each bin explains [-].
     at, mean
-        The signal, and the residual's mean there, from bins of equally many samples, shape (bins,) [SI].
+        Mean signal and mean residual of bins with equally many samples, shape (bins,) [SI].
 
     """
 
@@ -59,37 +59,42 @@ class Dependence:
 
     @property
     def suggestion(self) -> str:
-        """What it suggests to look at on the machine."""
-        return SUGGESTIONS.get(self.on, f'what goes with the {self.on}')
+        """What to inspect on the machine."""
+        return SUGGESTIONS.get(self.on, f'causes that depend on the {self.on}')
 
 
 def residual_dependences(result: ChannelResult) -> list[Dependence]:
-    """Return on which signals what is left depends, the strongest first."""
-    residual = np.concatenate([one.residual(1) for one in result.comparisons])
-    signals = [dict(_signals(result, one)) for one in result.comparisons]
-    shared = [name for name in signals[0] if all(name in one for one in signals)]
-    found = [_dependence(name, np.concatenate([one[name] for one in signals]), residual) for name in shared]
-    return sorted((one for one in found if one.share >= LEAST_DEPENDENCE), key=lambda one: -one.share)
+    """Return the dependences of the remaining error on signals, the strongest first."""
+    residual = np.concatenate([comparison.residual(1) for comparison in result.comparisons])
+    recorded = [dict(_signals(result, comparison)) for comparison in result.comparisons]
+    shared = [name for name in recorded[0] if all(name in signals for signals in recorded)]
+    dependences = [
+        _dependence(name, np.concatenate([signals[name] for signals in recorded]), residual) for name in shared
+    ]
+    strong = (dependence for dependence in dependences if dependence.share >= LEAST_DEPENDENCE)
+    return sorted(strong, key=lambda dependence: -dependence.share)
 
 
 def describe_remaining_error(result: ChannelResult) -> str:
-    """Return in a sentence or two how large what is left is, where it lives, and what that suggests to look at."""
+    """Return the size of the remaining error, the signals on which it depends, and what to inspect, as sentences."""
     size, small = result.rmse(1), result.quantity.small
     noise, span = size / result.noise.std, size / result.span
-    text = f'What is left is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
+    text = f'The remaining error is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
     text += f'{percent(span)} of the span.'
-    if not result.findings.is_searched:  # what it goes with is the mistake
+    if not result.findings.is_searched:  # misread recordings would only show their input error
         return text
-    found = residual_dependences(result)
-    if not found:
-        return f'{text} It goes with none of position, speed, pressure and time alone.'
-    others = ', '.join(f'{one.on} ({percent(one.share)})' for one in found[1:MOST_DEPENDENCES])
-    text += f' It goes most with {found[0].on} ({percent(found[0].share)} of its power)'
-    return f'{text}{f", then with {others}" if others else ""}: look at {found[0].suggestion}.'
+    dependences = residual_dependences(result)[:MOST_DEPENDENCES]
+    if not dependences:
+        return f'{text} It does not depend on position, speed, pressure or time alone.'
+    strongest, *weaker = dependences
+    text += f' It depends most on {strongest.on} ({percent(strongest.share)} of its power)'
+    if weaker:
+        text += f', then on {", ".join(f"{weak.on} ({percent(weak.share)})" for weak in weaker)}'
+    return f'{text}. Inspect {strongest.suggestion}.'
 
 
 def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[str, Array]]:
-    """Yield what a residual may depend on, by names of `SUGGESTIONS`."""
+    """Yield the signals on which a residual may depend, by names of `SUGGESTIONS`."""
     inputs = comparison.inputs
     if 'displacement' in inputs:
         yield 'position', inputs['displacement']
@@ -107,15 +112,15 @@ def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[st
 
 
 def _dependence(name: str, signal: Array, residual: Array) -> Dependence:
-    """Return how a residual depends on a signal: its correlation ratio, less what chance makes of so many bins."""
+    """Return the dependence of a residual on a signal: the correlation ratio minus its value expected by chance."""
     edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, DEPENDENCE_BINS + 1)))
-    place = np.clip(np.searchsorted(edges, signal, side='right') - 1, 0, max(edges.size - 2, 0))
-    counts = np.bincount(place)
-    held = counts > 0
-    means = np.bincount(place, residual)[held] / counts[held]
-    at = np.bincount(place, signal)[held] / counts[held]
+    index = np.clip(np.searchsorted(edges, signal, side='right') - 1, 0, max(edges.size - 2, 0))
+    counts = np.bincount(index)
+    is_filled = counts > 0
+    means = np.bincount(index, residual)[is_filled] / counts[is_filled]
+    signal_means = np.bincount(index, signal)[is_filled] / counts[is_filled]
     centred = residual - np.mean(residual)
     power = max(float(centred @ centred), LEAST_POWER)
-    between = float(counts[held] @ (means - np.mean(residual)) ** 2)
-    chance = (int(np.count_nonzero(held)) - 1) / residual.size
-    return Dependence(name, max(between / power - chance, 0.0), at, means)
+    between = float(counts[is_filled] @ (means - np.mean(residual)) ** 2)
+    chance = (int(np.count_nonzero(is_filled)) - 1) / residual.size
+    return Dependence(name, max(between / power - chance, 0.0), signal_means, means)

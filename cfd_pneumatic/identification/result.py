@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification comes to: one result for each measured channel."""
+"""Define the result of an identification, with a result for each measured channel."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ class OperatingPoint:
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """
-    One recording: what was measured, and what the model makes of it without and with the effects.
+    Measured and simulated samples of a channel in one recording.
 
     Attributes
     ----------
     channel
-        What was measured.
+        The channel.
     recording
         Index of the recording.
     experiment
-        The recording made ready for the model.
+        The recording prepared for the model.
     before, after
-        Simulated without and with effects at its samples, shape (m,) [SI].
+        Simulated without and with effects at the samples, shape (m,) [SI].
 
     """
 
@@ -54,25 +54,25 @@ class Comparison:
 
     @property
     def name(self) -> str:
-        """Of the recording."""
+        """Name of the recording."""
         return self.experiment.recording
 
     @property
     def times(self) -> Array:
-        """Of the samples, shape (m,) [s]."""
+        """Times of the samples, shape (m,) [s]."""
         return self.experiment.sample_times
 
     @property
     def inputs(self) -> Mapping[str, Array]:
-        """What drives the model, by its name for people, at the samples, each of shape (m,) [SI]."""
+        """Inputs of the model at the samples, by name for people, each of shape (m,) [SI]."""
         return self.channel.shown(self.experiment)
 
     def residual(self, which: int) -> Array:
-        """Return measured less simulated, without (0) or with effects (1), shape (m,) [SI]."""
+        """Return measured minus simulated, without (0) or with effects (1), shape (m,) [SI]."""
         return self.experiment.measured - (self.before, self.after)[which]
 
     def stamps(self, signal: Signal) -> Array:
-        """Return the stamps of the samples in the signal that they come from, a run of it, shape (m,) [s]."""
+        """Return the stamps of the samples in the recorded signal that contains the samples, shape (m,) [s]."""
         measured = self.experiment.measured
         for first in range(len(signal) - measured.size + 1):
             run = slice(first, first + measured.size)
@@ -84,31 +84,31 @@ class Comparison:
 @dataclass(frozen=True)
 class ChannelResult:
     """
-    What was found on one channel.
+    Result of the identification of a channel.
 
     Attributes
     ----------
     channel
-        What was measured.
+        The channel.
     fit
-        One joint fit without effects, to train and validation together.
+        Joint fit without effects, to the train and validation parts together.
     schedule
-        Fits at each set-point with `Options.per_setpoint`; otherwise the joint fit at the mean set-point. Empty where
-        nothing is scheduled.
+        Fits at each set-point with `Options.per_setpoint`; otherwise the joint fit at the mean set-point. Empty if
+        the channel has no set-point.
     comparisons
-        One for each recording that holds the channel; without effects by the schedule, or the joint fit.
+        One for each recording with the channel; without effects by the schedule, or the joint fit.
     before, after
-        Error without and with effects on each part that has samples, by its name.
+        Error without and with effects, by name of each part that has samples.
     span
-        Span p99 - p1 of what was measured, mean over recordings [SI].
+        Measured span p99 - p1, mean over recordings [SI].
     noise
-        Of the channel.
+        Noise of the channel.
     notes
-        Set-points that were left out, for people to read.
+        Set-points that are not in the schedule, for people.
     found
-        The fit with the effects that were found; `fit` itself where there are none.
+        The fit with the effects of the search; `fit` itself if the search found none.
     conclusion
-        What closing the loop comes to; None where it wasn't asked for.
+        Conclusion of the closed loop; None if `Options.close_loop` is false.
 
     """
 
@@ -126,42 +126,42 @@ class ChannelResult:
 
     @property
     def name(self) -> str:
-        """Of the channel: `cylinder_a`, `cylinder_b`, `force`."""
+        """Name of the channel: `cylinder_a`, `cylinder_b`, `force`."""
         return self.channel.name
 
     @property
     def quantity(self) -> Quantity:
-        """What was measured."""
+        """The measured quantity."""
         return self.channel.quantity
 
     @property
     def experiments(self) -> tuple[Experiment, ...]:
-        """The recordings made ready for the model."""
-        return tuple(one.experiment for one in self.comparisons)
+        """The recordings prepared for the model."""
+        return tuple(comparison.experiment for comparison in self.comparisons)
 
     @property
     def findings(self) -> Conclusion:
-        """What closing the loop comes to; the loop was closed."""
+        """The conclusion of a result with a closed loop."""
         assert self.conclusion is not None
         return self.conclusion
 
     def doubted(self) -> ChannelResult:
-        """Return it with its conclusion in doubt."""
+        """Return the result with a conclusion that is marked as uncertain because of the input data."""
         return self if self.conclusion is None else replace(self, conclusion=replace(self.conclusion, has_warning=True))
 
     @property
     def judged_on(self) -> str:
-        """The part on which before and after are compared: the test part, or all samples where there is none."""
+        """The part on which before and after are compared: `test`, or `all` without a test part."""
         return 'test' if 'test' in self.before else 'all'
 
     def judged(self, comparison: Comparison) -> NDArray[np.bool_]:
-        """Return which samples of a recording before and after are compared on, shape (m,)."""
+        """Return the mask of the samples on which before and after are compared, shape (m,)."""
         part = comparison.experiment.part
         return part == PARTS.index('test') if self.judged_on == 'test' else np.ones(part.size, np.bool_)
 
     @property
     def added(self) -> tuple[str, ...]:
-        """What the reported model has beside the paper's linear one: a core, effects."""
+        """Names of the core and the effects that the reported model adds to the paper's linear model."""
         return tuple(self.found.model.parts)
 
     @property
@@ -170,19 +170,22 @@ class ChannelResult:
         return tuple(estimate for estimate in self.found.estimates if '.' not in estimate.name)
 
     def parameters(self, effect: str) -> dict[str, Estimate]:
-        """Return the parameters of a core or an effect by their names."""
-        names = {estimate.name: estimate for estimate in self.found.estimates}
-        own = [one.name for one in self.channel.effects[effect].parameters]
-        return {name: names[f'{effect}.{name}'] for name in own if f'{effect}.{name}' in names}
+        """Return the estimated parameters of a core or an effect, by name."""
+        estimates = {estimate.name: estimate for estimate in self.found.estimates}
+        names = [parameter.name for parameter in self.channel.effects[effect].parameters]
+        return {name: estimates[f'{effect}.{name}'] for name in names if f'{effect}.{name}' in estimates}
 
     def tested(self, which: int) -> list[Array]:
-        """Return the residuals without (0) or with effects (1) as they are tested: weighted, before the test part."""
-        simulated = [(one.before, one.after)[which] for one in self.comparisons]
+        """Return the weighted residuals of train and validation, without (0) or with effects (1)."""
+        simulated = [(comparison.before, comparison.after)[which] for comparison in self.comparisons]
         weights = (self.fit, self.found)[which].likelihood.precisions(simulated)
-        return [(one.residual(which) * weight)[one.experiment.counts] for one, weight in zip(self.comparisons, weights)]
+        return [
+            (comparison.residual(which) * weight)[comparison.experiment.counts]
+            for comparison, weight in zip(self.comparisons, weights)
+        ]
 
     def rmse(self, which: int) -> float:
-        """Return the error without (0) or with effects (1), on the part on which they are compared [SI]."""
+        """Return the error without (0) or with effects (1) on the test part, or on all samples without one [SI]."""
         errors = (self.before, self.after)[which]
         if 'test' in errors:
             return errors['test'].rmse
@@ -190,22 +193,22 @@ class ChannelResult:
 
     def rms(self, which: int) -> float:
         """Return the error without (0) or with effects (1) on all samples [SI]."""
-        return rms(np.concatenate([one.residual(which) for one in self.comparisons]))
+        return rms(np.concatenate([comparison.residual(which) for comparison in self.comparisons]))
 
 
 @dataclass(frozen=True)
 class Geometry:
     """
-    How pressures make the contact force, as far as it was identified or given.
+    Conversion of pressures to contact force, as identified or given.
 
     Attributes
     ----------
     area
-        Of either piston [m^2]; None where nobody knows.
+        Area of each piston [m^2]; None if unknown.
     factor
-        Contact force over piston force that the area goes with [-]; None where nobody knows.
+        Ratio of contact force to piston force that was used with the area [-]; None if unknown.
     note
-        Why the area is not the recordings' own, or not known, for people to read; None where there is nothing to say.
+        Reason why the area was not identified, for people; None if the area was identified.
 
     """
 
@@ -222,21 +225,21 @@ class Identification:
     Attributes
     ----------
     recordings
-        What was recorded.
+        The recordings.
     without_waves
-        The same, without waves of the displacement that no pressure follows: what was identified.
+        The identified recordings: without the sensor ripple of the displacement.
     splits
-        Where each recording was cut.
+        Parts of each recording.
     no_test
-        Why there is no test part, or None.
+        Reason for a missing test part, or None.
     channels
         Results by `cylinder_a`, `cylinder_b`, `force`.
     unidentified
-        Why a channel that was recorded could not be identified, by its name.
+        Reason why a recorded channel could not be identified, by name of the channel.
     options
-        How it was identified.
+        Options of the identification.
     notices
-        Mistakes that recordings and results look like, and what was assumed.
+        Warnings about likely input errors, and notes about assumptions.
 
     """
 
@@ -251,7 +254,7 @@ class Identification:
 
     @property
     def ambient_pressure(self) -> float:
-        """What gauge pressures are counted from [Pa]."""
+        """Ambient pressure, the zero of gauge pressures [Pa]."""
         return self.options.ambient_pressure
 
     @property
@@ -266,7 +269,7 @@ class Identification:
 
     @property
     def geometry(self) -> Geometry:
-        """What makes the contact force: as fitted, or as given."""
+        """Area and geometric factor of the contact force, as fitted or as given."""
         force = self.channels.get('force')
         if force is None:
             note = 'as given' if self.options.area is not None else self.unidentified.get('force')

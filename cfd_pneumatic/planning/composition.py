@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which segments a schedule is put together from: always the one next that lets the most be told for its time."""
+"""Compose a schedule from segments: each step adds the segment with the most information per time."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from cfd_pneumatic.planning.proposal import Drawing
 from cfd_pneumatic.planning.signatures import Signatures
 
 PRECISION = 0.01
-"""Standard error that is wanted of a parameter, as a share of its value."""
+"""Target for the standard error of a parameter, as a share of its value."""
 
 ROUNDS = 5
-"""How often everything is done at least, so that each part of a 60/20/20 split holds all of it."""
+"""Least number of rounds, so that each part of a 60/20/20 split contains a whole round."""
 
 LONGEST_ROUND = 24.0
-"""Of what is composed [s]: it holds what is worth doing, and is done more often in a longer schedule."""
+"""Longest round [s]; it has time for all useful segments, and a longer schedule repeats the round."""
 
 
 @dataclass(frozen=True)
 class Menu:
     """
-    What may be chosen, and what it tells.
+    Candidate segments and their information.
 
     Attributes
     ----------
     segments
-        To choose from.
+        Candidates.
     lengths
-        How many samples each takes.
+        Number of samples of each segment.
     signatures
-        Of each channel, of all segments one after the other.
+        Signatures of each channel, over all segments in succession.
     products
-        Their scalar products for each channel, over each segment, shape (segments, k, k).
+        Scalar products of the signatures for each channel, over each segment, shape (segments, k, k).
 
     """
 
@@ -49,55 +49,58 @@ class Menu:
     products: tuple[Array, ...]
 
     @classmethod
-    def of(cls, segments: Sequence[Segment], drawing: Drawing, signatures: Sequence[Signatures]) -> Menu:
-        """Return the menu from the signatures of all segments drawn in their order."""
-        lengths = tuple(drawing.duration(one) for one in segments)
+    def from_signatures(cls, segments: Sequence[Segment], drawing: Drawing, signatures: Sequence[Signatures]) -> Menu:
+        """Return the menu from the signatures of all segments in succession."""
+        lengths = tuple(drawing.duration(segment) for segment in segments)
         end = len(signatures[0].columns)
         begins = end - np.cumsum(lengths[::-1])[::-1]
         parts = [slice(begin, begin + length) for begin, length in zip(begins.tolist(), lengths)]
-        products = tuple(np.stack([one.products(part) for part in parts]) for one in signatures)
+        products = tuple(np.stack([channel.products(part) for part in parts]) for channel in signatures)
         return cls(tuple(segments), lengths, tuple(signatures), products)
 
 
 def compose(menu: Menu, samples: int, rounds: int, wanted: Collection[str]) -> tuple[Segment, ...]:
     """
-    Return segments for one round of some samples; none where not even one with a stroke fits.
+    Return the segments of a round; empty if no segment with a stroke fits.
 
     Parameters
     ----------
     menu
-        What to choose from.
+        Candidate segments.
     samples
-        That a round may take.
+        Largest number of samples of a round.
     rounds
-        How often it will be done.
+        Number of rounds.
     wanted
-        Names of parameters and effects.
+        Names of the parameters and effects of interest.
 
     """
-    total = [np.zeros_like(one[0]) for one in menu.products]
+    total = [np.zeros_like(products[0]) for products in menu.products]
     chosen: list[Segment] = []
-    left = samples
+    remaining = samples
     lacking = float('inf')
     while True:
         fitting = [
             index
             for index, segment in enumerate(menu.segments)
-            if menu.lengths[index] <= left and (chosen or _moves(segment))
+            if menu.lengths[index] <= remaining and (chosen or _moves(segment))
         ]
         if not fitting:
             return tuple(chosen)
         lacks = {}
         for index in fitting:
-            products = [rounds * (one + own[index]) for one, own in zip(total, menu.products)]
-            evidence = [Evidence(one, own, rounds * samples) for one, own in zip(menu.signatures, products)]
-            lacks[index] = lack(evidence, wanted)
-        if not chosen:  # nothing is known before the first one
+            products = [rounds * (channel + added[index]) for channel, added in zip(total, menu.products)]
+            evidence = [
+                Evidence(signatures, channel, rounds * samples)
+                for signatures, channel in zip(menu.signatures, products)
+            ]
+            lacks[index] = missing_information(evidence, wanted)
+        if not chosen:  # the first segment has no reference
             lacking = max(lacks.values())
         best = max(fitting, key=lambda index: (lacking - lacks[index]) / menu.lengths[index])
         chosen.append(menu.segments[best])
-        total = [one + own[best] for one, own in zip(total, menu.products)]
-        left -= menu.lengths[best]
+        total = [channel + added[best] for channel, added in zip(total, menu.products)]
+        remaining -= menu.lengths[best]
         lacking = lacks[best]
 
 
@@ -105,22 +108,24 @@ def _moves(segment: Segment) -> bool:
     return any(isinstance(step, Move) and step.to > 0.1 for step in segment.steps)
 
 
-def lack(evidence: Sequence[Evidence], wanted: Collection[str]) -> float:
+def missing_information(evidence: Sequence[Evidence], wanted: Collection[str]) -> float:
     """
-    Return how much of what is wanted is not told.
+    Return how much information about the wanted parameters and effects is missing [1].
 
-    A parameter, an effect's showing and its being told from all others count one each while nothing is known, a half
-    where just enough is, and next to nothing where much is: what lacks most is worth most.
+    The terms are the precision of each parameter, the visibility of each effect and its distinctness from all other
+    effects. A term is 1 without information, 0.5 with just enough, and almost 0 with much information, so that large
+    gaps have the largest weight.
     """
     total = 0.0
-    for one in evidence:
-        for name, std in zip(one.signatures.own, one.stds.tolist()):
+    for channel in evidence:
+        for name, std in zip(channel.signatures.fitted, channel.stds.tolist()):
             if name in wanted:
                 total += 1.0 - 1.0 / (1.0 + (std / PRECISION) ** 2)
-        for effect in one.effects:
+        for effect in channel.effects:
             if effect in wanted and not EFFECTS[effect].of_time:
-                total += float(np.mean(1.0 / (1.0 + one.visibility[effect] ** 2)))
-                rivals = [own for other, own in one.distinctness(effect).items() if not EFFECTS[other].of_time]
+                total += float(np.mean(1.0 / (1.0 + channel.visibility[effect] ** 2)))
+                distinctness = channel.distinctness(effect).items()
+                rivals = [values for rival, values in distinctness if not EFFECTS[rival].of_time]
                 if rivals:
                     total += float(np.mean(1.0 / (1.0 + np.maximum(np.concatenate(rivals), 0.0))))
     return total

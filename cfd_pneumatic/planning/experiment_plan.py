@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a device and the limits of its cell to a schedule, and what it will tell."""
+"""Plan a schedule for a device within the limits of its cell, and predict its results."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import PARTS
 from cfd_pneumatic.model import CORES, EFFECTS, NAMES, SPECS, slowest
 from cfd_pneumatic.planning.composition import LONGEST_ROUND, ROUNDS, Menu, compose
-from cfd_pneumatic.planning.evidence import Evidence, of_samples
+from cfd_pneumatic.planning.evidence import Evidence, evidence_of_samples
 from cfd_pneumatic.planning.family import Segment, Turn, family
 from cfd_pneumatic.planning.limits import Limits, Sensing
-from cfd_pneumatic.planning.planned_device import at_home, home_gains, home_setpoints
+from cfd_pneumatic.planning.planned_device import device_at_home, home_gains, home_setpoints
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
 from cfd_pneumatic.planning.proposal import Drawing, Proposal
 from cfd_pneumatic.planning.report import print_plan, write_plan
@@ -26,18 +26,18 @@ from cfd_pneumatic.planning.signatures import Form, all_signatures, split_of
 from cfd_pneumatic.terminal import printed
 
 WANTED = (*NAMES, *EFFECTS)
-"""What may be wanted: parameters and effects."""
+"""Names of all parameters and effects that a plan may target."""
 
 MOST_SAMPLES = 400_000
-"""Of a schedule: their sensitivities take 1.3 GB, and a minute."""
+"""Most samples of a schedule; their sensitivities take 1.3 GB and a minute."""
 
-_ANY = 1e3  # times what shows at the typical strength: then a thousandth of that does, too
+_ANY = 1e3  # visibility at the typical strength above which any strength counts as detectable
 _SETTLED = 6.0  # time constants
-_SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # noise is told from rests of this length [s]
+_SHORTEST_REST, _LONGEST_REST = 0.3, 1.0  # the noise is estimated from rests of this length [s]
 
 
 class Plan(Planned):
-    """A schedule and what it will tell: it prints as tables."""
+    """A schedule and its predicted results; prints as tables."""
 
     def save(self, folder: Path | str, *, overwrite: bool = False) -> list[Path]:
         """
@@ -46,14 +46,14 @@ class Plan(Planned):
         Parameters
         ----------
         folder
-            Where to. An earlier plan is replaced.
+            Output folder. An earlier plan is replaced.
         overwrite
-            Whether files of these names are replaced that this program did not write.
+            Whether to replace files of these names that this program did not write.
 
         Raises
         ------
         InputError
-            If the folder can't be written, or a file in it is not to be replaced.
+            If the folder cannot be written, or an existing file must not be replaced.
 
         """
         check_path('folder', folder)
@@ -61,18 +61,18 @@ class Plan(Planned):
         return write_plan(self, Path(folder), overwrite=overwrite)
 
     def __str__(self) -> str:
-        """Return what is to be done and what it will tell, as tables."""
+        """Return the schedule and the predictions as tables."""
         return printed(lambda console: print_plan(self, console))
 
 
 def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: Collection[str] = WANTED) -> Plan:
     """
-    Return the schedule that tells most of what is wanted within the limits of a cell.
+    Return the schedule with the most information about the wanted names within the limits of a cell.
 
     Raises
     ------
     InputError
-        If something is wanted that there is not, or nothing or too much fits within the limits.
+        If a wanted name is unknown, or if no stroke or too many samples fit within the limits.
 
     """
     check_type('device', device, Device, 'a device')
@@ -87,10 +87,10 @@ def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: C
             f'duration {limits.duration:g} s at a sample rate of {sensing.sample_rate:g} Hz is more than '
             f'{MOST_SAMPLES:,} samples: give a shorter duration, or plan with a lower sample rate'
         )
-    device = at_home(device, limits.pressures)
+    device = device_at_home(device, limits.pressures)
     drawing = Drawing(limits, sensing, home_setpoints(device), settling(device))
-    offered = _offered(device, limits)
-    menu = Menu.of(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
+    offered = _distinct_segments(device, limits)
+    menu = Menu.from_signatures(offered, drawing, all_signatures(drawing.draw(offered), device, sensing))
     samples = int(limits.duration / sensing.period + 1e-9) - drawing.opening
     for rounds in (max(ROUNDS, math.ceil(limits.duration / LONGEST_ROUND)), 1):
         segments = compose(menu, samples // rounds, rounds, wanted)
@@ -98,17 +98,17 @@ def plan(device: Device, limits: Limits, sensing: Sensing = Sensing(), wanted: C
             proposal = drawing.draw(segments * rounds)
             return Plan(proposal, segments, rounds, *predict(proposal, device, sensing, wanted))
     shortest = (drawing.opening + min(menu.lengths)) * sensing.period
-    raise InputError(f'duration {limits.duration:g} s: no stroke with its rests fits; give {shortest:.1f} s or more')
+    raise InputError(f'duration {limits.duration:g} s is too short for a stroke: give {shortest:.1f} s or more')
 
 
 def settling(device: Device) -> float:
-    """Return how long to rest until the pressures have settled [s]."""
+    """Return the time in which the pressures settle [s]."""
     longest = max(slowest(home_gains(device, name)) for name in device.model.cylinders)
     return min(max(_SETTLED * longest, _SHORTEST_REST), _LONGEST_REST)
 
 
-def _offered(device: Device, limits: Limits) -> list[Segment]:
-    """Return the segments of the family that this device and cell can tell apart, the simpler of those they can't."""
+def _distinct_segments(device: Device, limits: Limits) -> list[Segment]:
+    """Return the segments that differ for this device and cell; of equal segments the simpler."""
     low, high = limits.pressures
     seen: dict[tuple[object, ...], Segment] = {}
     for segment in family():
@@ -120,7 +120,7 @@ def _offered(device: Device, limits: Limits) -> list[Segment]:
         ]
         turned = [share for share, step in zip(shares, segment.steps) if isinstance(step, Turn)]
         if turned and not any(any(share) for share in turned):
-            continue  # only the cylinder that is not there would be set
+            continue  # only the set-point of a missing cylinder would change
         seen.setdefault(tuple(shares), segment)
     return list(seen.values())
 
@@ -129,62 +129,65 @@ def predict(
     proposal: Proposal, device: Device, sensing: Sensing, wanted: Collection[str]
 ) -> tuple[tuple[ParameterPrediction, ...], tuple[EffectPrediction, ...]]:
     """
-    Return what a recording of a proposal will tell.
+    Predict the results of a recording of a proposal.
 
-    Parameters as `identify_bag` fits them, to train and validation; effects as it searches for them, in train.
+    As in `identify_bag`, parameters are fitted to train and validation, and effects are searched in train.
     """
     signatures = all_signatures(proposal, device, sensing)
     part = split_of(proposal, sensing).part_of(proposal.times)
-    fitted = of_samples(signatures, part < PARTS.index('test'))
-    searched = of_samples(signatures, part == PARTS.index('train'))
-    parameters = [one for evidence in fitted for one in _parameters(evidence, wanted)]
-    effects = [one for evidence in searched for one in _effects(evidence, wanted)]
+    fitted = evidence_of_samples(signatures, part < PARTS.index('test'))
+    searched = evidence_of_samples(signatures, part == PARTS.index('train'))
+    parameters = [prediction for evidence in fitted for prediction in _predict_parameters(evidence, wanted)]
+    effects = [prediction for evidence in searched for prediction in _predict_effects(evidence, wanted)]
     return tuple(parameters), tuple(effects)
 
 
-def _parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPrediction]:
+def _predict_parameters(evidence: Evidence, wanted: Collection[str]) -> list[ParameterPrediction]:
     units = {spec.name: spec.unit for spec in SPECS} | {'area': 'm^2'}
     units |= {
         f'{name}.{parameter.name}': parameter.unit
-        for name, one in {**CORES, **EFFECTS}.items()
-        for parameter in one.parameters
+        for name, effect in {**CORES, **EFFECTS}.items()
+        for parameter in effect.parameters
     }
     return [
         ParameterPrediction(
             evidence.signatures.channel, name, units[name], value, float(std * abs(value)) if np.isfinite(std) else None
         )
-        for name, value, std in zip(evidence.signatures.own, evidence.signatures.values.tolist(), evidence.stds)
-        if name in wanted or (name in units and name not in NAMES)  # a curve's heights are told by its band
+        for name, value, std in zip(evidence.signatures.fitted, evidence.signatures.values.tolist(), evidence.stds)
+        if name in wanted or (name in units and name not in NAMES)  # the band of a curve has its heights
     ]
 
 
-def _effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPrediction]:
-    found = []
+def _predict_effects(evidence: Evidence, wanted: Collection[str]) -> list[EffectPrediction]:
+    predictions = []
     for name in evidence.effects:
         if name not in wanted:
             continue
         visibility = evidence.visibility[name]
         least = int(np.argmin(visibility))
-        remaining = {other: float(shares.min()) for other, shares in evidence.remaining[name].items()}
-        nearest = min(remaining, key=lambda other: remaining[other], default=None)
-        alike = [other for other, own in evidence.distinctness(name).items() if float(own.min()) < 1.0]
-        found.append(
+        remaining = {rival: float(shares.min()) for rival, shares in evidence.remaining[name].items()}
+        nearest = min(remaining, key=lambda rival: remaining[rival], default=None)
+        distinctness = evidence.distinctness(name).items()
+        alike = [rival for rival, preferences in distinctness if float(preferences.min()) < 1.0]
+        predictions.append(
             EffectPrediction(
                 evidence.signatures.channel,
                 name,
                 bool(visibility[least] > 1.0),
-                _smallest(evidence.signatures.forms[evidence.asked_of[name][least]], float(visibility[least])),
-                tuple(sorted(alike, key=lambda other: remaining[other])),
+                _smallest_strength(
+                    evidence.signatures.forms[evidence.basic_forms[name][least]], float(visibility[least])
+                ),
+                tuple(sorted(alike, key=lambda rival: remaining[rival])),
                 None if nearest is None else (nearest, remaining[nearest]),
             )
         )
     channel = evidence.signatures.channel
     hidden = [name for name in evidence.signatures.unidentifiable if name in wanted]
-    return found + [EffectPrediction(channel, name, False, None, (), None) for name in hidden]
+    return predictions + [EffectPrediction(channel, name, False, None, (), None) for name in hidden]
 
 
-def _smallest(form: Form, visibility: float) -> dict[str, float] | None:
-    """Return the strength at which a form just shows, with its choices, by the names of its parameters."""
+def _smallest_strength(form: Form, visibility: float) -> dict[str, float] | None:
+    """Return the strength at which a form is just detectable, with its choices, by name of the parameter."""
     if visibility <= 0.0:
         return None
     if visibility > _ANY:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The motions that a schedule is put together from.
+Define the segments of which a schedule is composed.
 
-Each begins and ends at rest at home, so that any of them may follow any other and what they tell adds up. Positions
-are shares of the stroke, speeds of the speed limit, levels of the way from a cylinder's own set-point to the farther
-end of the pressure range, rests of the time in which a pressure settles.
+Each segment begins and ends at rest at home, so that segments may follow in any order and their information adds up.
+Positions are shares of the stroke, and speeds are shares of the speed limit. Levels are shares of the way from the home
+set-point to the farther end of the pressure range. Rests are multiples of the settling time of the pressure.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Move(NamedTuple):
-    """The piston goes somewhere and rests there."""
+    """The piston moves to a position and rests there."""
 
     to: float
     speed: float = 1.0
@@ -22,7 +22,7 @@ class Move(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """The set-points of both cylinders change at once, and everything rests."""
+    """The set-points of both cylinders change together, and the piston rests."""
 
     cylinder_a: float
     cylinder_b: float
@@ -40,9 +40,9 @@ class Segment:
     Attributes
     ----------
     name
-        What it is, for people.
+        Name, for people.
     steps
-        One after the other.
+        Steps in succession.
 
     """
 
@@ -51,7 +51,7 @@ class Segment:
 
     @property
     def turns(self) -> bool:
-        """Whether set-points change in it."""
+        """Whether the segment changes set-points."""
         return any(isinstance(step, Turn) for step in self.steps)
 
 
@@ -65,26 +65,26 @@ def _stroke(reach: float, speed: float) -> tuple[Move, ...]:
 
 
 def _reversals(base: float, width: float, count: int) -> tuple[Move, ...]:
-    """Return quick small strokes without rests about a place."""
+    """Return quick small strokes without rests from a base position."""
     there_and_back = (Move(base + width, rest=0.0), Move(base, rest=0.0)) * count
     arrival = (Move(base, rest=0.5),) if base else ()
     return (*arrival, *there_and_back[:-1], there_and_back[-1]._replace(rest=1.0), *((Move(0.0),) if base else ()))
 
 
 def _sweep() -> tuple[Move, ...]:
-    """Return strokes at full speed, each half as long as the last one: the frequency rises."""
-    turns = [Move(at, rest=0.0) for reach in (1.0, 0.5, 0.25, 0.125, 0.0625) for at in (reach, 0.0)]
+    """Return strokes at full speed, each half as long as the previous stroke: the frequency rises."""
+    turns = [Move(end, rest=0.0) for reach in (1.0, 0.5, 0.25, 0.125, 0.0625) for end in (reach, 0.0)]
     return (*turns[:-1], turns[-1]._replace(rest=1.0))
 
 
 def _staircase(steps: int) -> tuple[Move, ...]:
-    """Return the steps of a gauge block, out one by one and back likewise."""
+    """Return the steps of a gauge block, out and back in equal steps."""
     heights = [step / steps for step in (*range(1, steps + 1), *range(steps - 1, -1, -1))]
     return tuple(Move(height) for height in heights)
 
 
 def family() -> tuple[Segment, ...]:
-    """Return every segment that a schedule may hold."""
+    """Return every segment that a schedule may contain."""
     at_rest = [
         *(
             Segment(f'{name} stroke of {reach:.0%}', _stroke(reach, speed))
@@ -100,14 +100,14 @@ def family() -> tuple[Segment, ...]:
         Segment('gauge block in 4 steps', _staircase(4)),
     ]
     raised = [
-        Segment(f'{one.name}, {who} raised', (Turn(*levels), *one.steps, _HOME))
-        for one in at_rest
-        if one.name in ('fast stroke of 100%', 'slow stroke of 100%', 'fast stroke of 30%', 'sweep')
-        for who, levels in _LEVELS.items()
+        Segment(f'{segment.name}, {cylinders} raised', (Turn(*levels), *segment.steps, _HOME))
+        for segment in at_rest
+        if segment.name in ('fast stroke of 100%', 'slow stroke of 100%', 'fast stroke of 30%', 'sweep')
+        for cylinders, levels in _LEVELS.items()
     ]
     stepped = [
-        Segment(f'set-point step of {size:.0%}, {who}', (Turn(size * a, size * b), _HOME))
+        Segment(f'set-point step of {size:.0%}, {cylinders}', (Turn(size * a, size * b), _HOME))
         for size in (1.0, 0.3, 0.1)
-        for who, (a, b) in _LEVELS.items()
+        for cylinders, (a, b) in _LEVELS.items()
     ]
     return (*at_rest, *raised, *stepped)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a cell allows, and what its sensors see."""
+"""Define the limits of a cell, and the noise and sampling of its sensors."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from cfd_pneumatic.arguments import check_number, check_numbers, check_type
 from cfd_pneumatic.errors import InputError
 
 SHORTEST_STROKE = 1e-5
-"""Below this a piston does not move as far as its sensor is concerned [m]."""
+"""Least stroke that the sensor resolves [m]."""
 
 SLOWEST = 1e-4
-"""Speed limit below which nothing is to be learned [m/s]."""
+"""Least speed limit of an informative motion [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +27,16 @@ class Limits:
     pressures
         Lowest and highest set-point, gauge [Pa].
     stroke
-        The piston stays between 0 and this displacement [m]; below zero it moves the other way.
+        The piston stays between 0 and this displacement [m]; a negative stroke reverses the direction.
     speed, acceleration
-        Largest of the piston [m/s, m/s^2].
+        Largest speed and acceleration of the piston [m/s, m/s^2].
     duration
         Longest time from the first sample to the last [s].
 
     Raises
     ------
     InputError
-        If one of them leaves nothing to plan with.
+        If a limit permits no plan.
 
     """
 
@@ -47,7 +47,7 @@ class Limits:
     duration: float = 60.0
 
     def __post_init__(self) -> None:
-        """Refuse limits that nothing fits in."""
+        """Refuse limits that permit no plan."""
         check_type('pressures', self.pressures, Collection, 'the lowest and the highest set-point')
         if len(self.pressures) != 2:
             raise InputError(f'pressures has {len(self.pressures)} numbers: give the lowest and the highest set-point')
@@ -70,29 +70,29 @@ class Limits:
 
 
 _LARGEST_NOISE = {'pressure_noise': ('Pa', 1e5), 'displacement_noise': ('m', 1e-2), 'force_noise': ('N', 1e4)}
-"""Unit and largest value of the noise that a sensor has."""
+"""Unit and largest value of the noise of a sensor."""
 
 
 @dataclass(frozen=True)
 class Sensing:
     """
-    What the sensors see.
+    Noise and sampling of the sensors.
 
     Attributes
     ----------
     pressure_noise
-        Standard deviation of the pressures' noise, their converter's rounding included [Pa].
+        Standard deviation of the pressures' noise, including the converter's rounding [Pa].
     displacement_noise
-        Standard deviation of the displacement's noise [m]; it reaches the simulated pressure times K_x.
+        Standard deviation of the displacement's noise [m]; times K_x it is a noise of the simulated pressure.
     force_noise
         Standard deviation of the force's noise [N].
     sample_rate
-        Samples in a second [Hz].
+        Samples per second [Hz].
 
     Raises
     ------
     InputError
-        If one of them is none that a sensor has.
+        If a value is implausible for a sensor.
 
     """
 
@@ -102,7 +102,7 @@ class Sensing:
     sample_rate: float = 500.0
 
     def __post_init__(self) -> None:
-        """Refuse what no sensor has."""
+        """Refuse implausible values."""
         check_numbers(**vars(self))
         for name, (unit, largest) in _LARGEST_NOISE.items():
             noise = getattr(self, name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The device to plan for: its usual set-points, and what its sensors see."""
+"""Prepare a device for planning: its home set-points, and the noise of its sensors."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.planning.limits import Sensing
 from cfd_pneumatic.units import PSI
 
-_RANGE = 5.0 * PSI  # above a single set-point, where the file has no other [Pa]
+_RANGE = 5.0 * PSI  # above the set-point of a file with a single set-point [Pa]
 
 
 def usual_pressures(device: Device) -> tuple[float, float]:
-    """Return the range of a device's set-points, 5 psi from the only one on where there is no other, gauge [Pa]."""
-    points = np.concatenate([one.parameters.setpoints for one in device.model.cylinders.values()])
+    """Return the range of a device's set-points, 5 psi above a single set-point, gauge [Pa]."""
+    points = np.concatenate([cylinder.parameters.setpoints for cylinder in device.model.cylinders.values()])
     points = np.append(points, list(_homes(device).values()))
     low, high = float(points.min()), float(points.max())
     return low, high if high > low else low + _RANGE
 
 
-def at_home(device: Device, pressures: tuple[float, float]) -> Device:
+def device_at_home(device: Device, pressures: tuple[float, float]) -> Device:
     """
-    Return a device that starts at home, within a range of gauge pressures [Pa].
+    Return a device that starts at its home set-points, within a range of gauge pressures [Pa].
 
-    Home is its initial set-point, or the first of those at which gains are given.
+    The home set-point is the initial set-point if given, or the first set-point at which gains are given.
     """
     low, high = pressures
     return device.with_values(
@@ -45,7 +45,7 @@ def _homes(device: Device) -> dict[str, float]:
 
 
 def home_setpoints(device: Device) -> tuple[float, float]:
-    """Return the gauge set-points of the cylinders A and B at home; a missing one's is the other's [Pa]."""
+    """Return the gauge home set-points of A and B [Pa]; a missing cylinder has that of the present cylinder."""
     homes = device.initial_setpoints
     present = next(iter(homes.values()))
     first, second = (homes.get(name, present) for name in CYLINDERS)
@@ -60,26 +60,29 @@ def home_gains(device: Device, cylinder: str) -> Array:
 
 def read_report(path: Path) -> tuple[Sensing, float]:
     """
-    Return what sensors see as a report of `identify_bag` found it, and how far the piston went [m].
+    Return the noise and sampling in a report of `identify_bag`, and the farthest displacement [m].
 
     Raises
     ------
     InputError
-        If the file is no such report.
+        If the file is not a report of `identify_bag`.
 
     """
     try:
         report = report_in(path)
         cylinders = report['cylinders'].values()
-        noise = max(float(one['noise_floor_pa']) for one in cylinders)
-        rates = [(int(one['displacement_samples']) - 1) / float(one['duration_s']) for one in report['recordings']]
+        noise = max(float(cylinder['noise_floor_pa']) for cylinder in cylinders)
+        recordings = report['recordings']
+        rates = [
+            (int(recording['displacement_samples']) - 1) / float(recording['duration_s']) for recording in recordings
+        ]
         rate = float(round(min(rates)))
-        farthest = max((float(end) for one in report['recordings'] for end in one['travel_m']), key=abs)
+        farthest = max((float(end) for recording in recordings for end in recording['travel_m']), key=abs)
         if not np.isfinite([noise, *rates, farthest]).all():
             raise ValueError('is not finite')
     except InputError as error:
         raise InputError(f'{path} {error}: give the report.json of identify_bag') from error
     except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
-        raise InputError(f'{path} is no report of identify_bag: give its report.json') from error
-    # the floor is that of the residual: what the displacement's noise adds to it is in there
+        raise InputError(f'{path} is not a report of identify_bag: give the report.json of identify_bag') from error
+    # The noise floor is that of the residual, which includes the displacement's noise.
     return Sensing(pressure_noise=noise, displacement_noise=0.0, sample_rate=rate), farthest

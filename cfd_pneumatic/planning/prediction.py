@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a schedule will tell of each parameter and effect."""
+"""Define the predicted results of a schedule for each parameter and effect."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from cfd_pneumatic.planning.proposal import Proposal
 @dataclass(frozen=True)
 class ParameterPrediction:
     """
-    How well a parameter will be identified.
+    Predicted precision of a parameter.
 
     Attributes
     ----------
     channel
         Cylinder, or `force`.
     name, unit
-        Of the parameter; `EFFECT.PARAMETER` for an effect's.
+        Name and unit of the parameter; `EFFECT.PARAMETER` for a parameter of an effect.
     value
-        In the parameter file [unit].
+        Value in the parameter file [unit].
     std
-        Cramer-Rao bound of its standard error [unit]; None where nothing tells it.
+        Cramer-Rao bound of the standard error [unit]; None if the schedule does not determine the parameter.
 
     """
 
@@ -36,31 +36,31 @@ class ParameterPrediction:
 
     @property
     def identifiable(self) -> bool:
-        """Whether `identify_bag` will give it a value."""
+        """Whether `identify_bag` will report a value of the parameter."""
         return self.std is not None and self.std < LARGEST_RELATIVE_STD * abs(self.value)
 
 
 @dataclass(frozen=True)
 class EffectPrediction:
     """
-    Whether an effect would show.
+    Predicted detectability of an effect.
 
     Attributes
     ----------
     channel
         Cylinder, or `force`.
     effect
-        Its name.
+        Name of the effect.
     shows
-        Whether it would, in the form that shows least, at the strength at which a search for it begins.
+        Whether the least visible form is detectable at the strength from which a search starts.
     smallest
-        Strength at which that form just shows, and what is chosen in it, by the names of the parameters [their units];
-        none where any strength shows, as of what does not vanish with it; None where nothing shows.
+        Strength at which that form is just detectable, and its choices, by name of the parameter [its unit]. Empty if
+        every strength is detectable; None if no strength is.
     alternatives
-        Effects that it could not be told from while it just shows.
+        Effects that are not distinguishable from the just detectable effect.
     nearest
-        The other effect that is most like it, and the share of what it leaves that remains beside that one; None where
-        there is no other.
+        Most similar effect, and the share of the signature that the similar effect cannot compensate; None without
+        other effects.
 
     """
 
@@ -75,18 +75,18 @@ class EffectPrediction:
 @dataclass(frozen=True)
 class Planned:
     """
-    A schedule and what it will tell.
+    A schedule and its predicted results.
 
     Attributes
     ----------
     proposal
         The schedule.
     segments
-        Of one round.
+        Segments of a round.
     rounds
-        How often it is done.
+        Number of rounds.
     parameters, effects
-        Predictions of what was wanted.
+        Predictions for the wanted parameters and effects.
 
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plan for people and for programs: tables for the terminal, JSON, and a picture."""
+"""Report a plan: tables for the terminal, JSON for programs, and a picture."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _begins_at_rest = marked(rf'\A{",".join(SCHEDULE_COLUMNS)}\n0\.0,0\.0,0\.0,')
 
 
 def _is_schedule(path: Path) -> bool:
-    """Return whether a table is a plan's: people write such tables, too, but not beside a plan."""
+    """Return whether a table belongs to a plan: a table by the user is not next to a plan."""
     return _begins_at_rest(path) and _is_plan(path.with_name(PLAN_FILE))
 
 
@@ -40,24 +40,24 @@ _PICTURED = 'the schedule, '
 FILES = ResultFiles(
     {PICTURE_FILE: marked(f'\\A<svg [^>]*aria-label="{_PICTURED}'), PLAN_FILE: _is_plan, SCHEDULE_FILE: _is_schedule}
 )
-"""How the files of a plan are recognised."""
+"""Marks by which the files of a plan are recognised."""
 
 
 def write_plan(plan: Planned, folder: Path, *, overwrite: bool = False) -> list[Path]:
     """
-    Write the schedule, the plan as JSON and the picture into a folder, made if need be.
+    Write the schedule, the plan as JSON and the picture into a folder, which is created if necessary.
 
     Parameters
     ----------
     plan, folder
-        What, and where to.
+        The plan, and the output folder.
     overwrite
-        Whether files of these names are replaced that this program did not write.
+        Whether to replace files of these names that this program did not write.
 
     Raises
     ------
     InputError
-        If the folder can't be written, or a file in it is not to be replaced.
+        If the folder cannot be written, or an existing file must not be replaced.
 
     """
     contents = {
@@ -72,52 +72,56 @@ def write_plan(plan: Planned, folder: Path, *, overwrite: bool = False) -> list[
 
 
 def print_plan(plan: Planned, console: Console) -> None:
-    """Print what is to be done and what it will tell."""
+    """Print the schedule and the predictions."""
     proposal = plan.proposal
     console.print(
         f'{proposal.times[-1]:.1f} s in {plan.rounds} round{"s" if plan.rounds > 1 else ""}, each of: '
         f'{"; ".join(_counted(plan))}.'
     )
     console.print(_parameter_table(plan.parameters))
-    for channel, effects in groupby(plan.effects, key=lambda one: one.channel):
+    for channel, effects in groupby(plan.effects, key=lambda prediction: prediction.channel):
         console.print(_effect_table(channel, list(effects)))
 
 
 def _counted(plan: Planned) -> list[str]:
-    """Return the segments of a round, neighbours of one kind together."""
-    counted = [(name, len(list(same))) for name, same in groupby(plan.segments, key=lambda one: one.name)]
+    """Return the names of the segments of a round, with a count for equal adjacent segments."""
+    groups = groupby(plan.segments, key=lambda segment: segment.name)
+    counted = [(name, len(list(segments))) for name, segments in groups]
     return [name if count == 1 else f'{count} times {name}' for name, count in counted]
 
 
 def _parameter_table(parameters: Sequence[ParameterPrediction]) -> Table:
     headings = ('channel', 'parameter', 'value', 'standard error', '% of value', 'unit')
     title = 'predicted standard errors (Cramer-Rao, white noise)'
-    made = table(title, *headings, words=('channel', 'parameter', 'unit'))
-    for one in parameters:
-        if one.std is None or not one.identifiable:
-            made.add_row(one.channel, one.name, f'{one.value:.4g}', 'not identifiable', '', one.unit)
+    rows = table(title, *headings, words=('channel', 'parameter', 'unit'))
+    for parameter in parameters:
+        channel, name, value, std = parameter.channel, parameter.name, parameter.value, parameter.std
+        if std is None or not parameter.identifiable:
+            rows.add_row(channel, name, f'{value:.4g}', 'not identifiable', '', parameter.unit)
         else:
-            share = f'{100.0 * one.std / abs(one.value):.2g}'
-            made.add_row(one.channel, one.name, f'{one.value:.4g}', f'{one.std:.2g}', share, one.unit)
-    return made
+            share = f'{100.0 * std / abs(value):.2g}'
+            rows.add_row(channel, name, f'{value:.4g}', f'{std:.2g}', share, parameter.unit)
+    return rows
 
 
 def _effect_table(channel: str, effects: Sequence[EffectPrediction]) -> Table:
-    headings = ('effect', 'shows', 'from', 'not to be told from', 'most alike, share of its own beside it')
-    made = table(f'{channel}: effects that would show', *headings, words=headings)
-    for one in effects:
-        nearest = '' if one.nearest is None else f'{one.nearest[0]}: {100.0 * one.nearest[1]:.0f} %'
-        rivals = ', '.join(one.alternatives)
-        made.add_row(one.effect, 'yes' if one.shows else 'no', smallest_words(one), rivals, nearest)
-    return made
+    headings = ('effect', 'detectable', 'from', 'not distinguishable from', 'most similar, share that differs')
+    rows = table(f'{channel}: detectable effects', *headings, words=headings)
+    for prediction in effects:
+        nearest = prediction.nearest
+        similar = '' if nearest is None else f'{nearest[0]}: {100.0 * nearest[1]:.0f} %'
+        rivals = ', '.join(prediction.alternatives)
+        shows = 'yes' if prediction.shows else 'no'
+        rows.add_row(prediction.effect, shows, smallest_strength_text(prediction), rivals, similar)
+    return rows
 
 
-def smallest_words(one: EffectPrediction) -> str:
-    """Return the strength at which an effect just shows."""
-    if not one.smallest:
-        return '' if one.smallest is None else 'any strength'
-    units = {parameter.name: parameter.unit for parameter in EFFECTS[one.effect].parameters}
-    return ', '.join(f'{name} {value:.2g} {units[name]}' for name, value in one.smallest.items())
+def smallest_strength_text(prediction: EffectPrediction) -> str:
+    """Return the strength from which an effect is detectable, as text."""
+    if not prediction.smallest:
+        return '' if prediction.smallest is None else 'any strength'
+    units = {parameter.name: parameter.unit for parameter in EFFECTS[prediction.effect].parameters}
+    return ', '.join(f'{name} {value:.2g} {units[name]}' for name, value in prediction.smallest.items())
 
 
 def plan_data(plan: Planned) -> dict[str, Any]:
@@ -127,29 +131,29 @@ def plan_data(plan: Planned) -> dict[str, Any]:
         'schema': SCHEMA,
         'duration_s': float(proposal.times[-1]),
         'rounds': plan.rounds,
-        'segments': [{'from_s': float(proposal.times[at]), 'what': name} for name, at in proposal.segments],
+        'segments': [{'from_s': float(proposal.times[index]), 'what': name} for name, index in proposal.segments],
         'parameters': [
             {
-                'channel': one.channel,
-                'name': one.name,
-                'unit': one.unit,
-                'value': one.value,
-                'std': one.std,
-                'identifiable': one.identifiable,
+                'channel': prediction.channel,
+                'name': prediction.name,
+                'unit': prediction.unit,
+                'value': prediction.value,
+                'std': prediction.std,
+                'identifiable': prediction.identifiable,
             }
-            for one in plan.parameters
+            for prediction in plan.parameters
         ],
         'effects': [
             {
-                'channel': one.channel,
-                'effect': one.effect,
-                'shows': one.shows,
-                'from': one.smallest,
-                'not_told_from': list(one.alternatives),
-                'most_alike': None if one.nearest is None else one.nearest[0],
-                'own_share_beside_it': None if one.nearest is None else one.nearest[1],
+                'channel': prediction.channel,
+                'effect': prediction.effect,
+                'shows': prediction.shows,
+                'from': prediction.smallest,
+                'not_told_from': list(prediction.alternatives),
+                'most_alike': None if prediction.nearest is None else prediction.nearest[0],
+                'own_share_beside_it': None if prediction.nearest is None else prediction.nearest[1],
             }
-            for one in plan.effects
+            for prediction in plan.effects
         ],
     }
 
@@ -161,17 +165,17 @@ def picture(plan: Planned) -> str:
     end = proposal.segments[count][1] + 1 if len(proposal.segments) > count else proposal.times.size
     times = proposal.times[:end]
     changes = np.repeat(times, 2)[1:]
-    held = [
+    levels = [
         Curve(changes, np.repeat(1e-3 * level, 2)[:-1], colour, 1.6)
         for level, colour in zip(proposal.held[:end].T, _COLOURS.values())
     ]
     named = ', '.join(f'{name} {word}' for name, word in zip(CYLINDERS, _COLOURS))
     panels = (
         Panel('displacement [mm]', 150, [Curve(times, 1e3 * proposal.displacement[:end], 'currentColor')]),
-        Panel(f'set-point, gauge [kPa]: {named}', 150, held),
+        Panel(f'set-point, gauge [kPa]: {named}', 150, levels),
     )
-    marks = [float(proposal.times[at]) for _, at in proposal.segments[:count]]
-    what = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
+    marks = [float(proposal.times[index]) for _, index in proposal.segments[:count]]
+    extent = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
     return chart(
-        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {what}', f'{_PICTURED}{what}', marks=marks
+        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {extent}', f'{_PICTURED}{extent}', marks=marks
     )

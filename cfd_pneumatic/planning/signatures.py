@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What parameters and effects do to a recording that a proposal would give: their signatures.
+Compute the signatures of parameters and effects: their influence on the recording of a proposal.
 
-Everything that is asked of a proposal follows from the scalar products of signatures. Products of stretches that rest
-at both ends add up, so that what a schedule tells is the sum of what its segments tell.
+The scalar products of signatures determine all predictions. Products of segments that begin and end at rest add up, so
+that the information of a schedule is the sum over its segments.
 """
 
 from __future__ import annotations
@@ -39,25 +39,26 @@ from cfd_pneumatic.planning.proposal import Proposal
 from cfd_pneumatic.runtime import map_in_threads
 
 _ATTEMPTS = 8
-_NEARLY = 1.2  # times as large, or as small
-_VARIED = 2.0  # times
+_TOLERANCE = 1.2  # times as large, or as small
+_VARIATION = 2.0  # times
 
 
 @dataclass(frozen=True)
 class Form:
     """
-    One form that an effect may have.
+    A form of an effect.
 
     Attributes
     ----------
     effect
-        Its name.
+        Name of the effect.
     typical
-        Parameters at its typical strength: where the search for effects would start.
+        Parameters at the typical strength, from which the search for effects starts.
     share
-        Of the typical strength at which its signature is taken: where it just shows, or all of it.
+        Share of the typical strength at which the signature is taken: just detectable, or at most 1.
     varied
-        Whether it is another one with one parameter changed: nobody asks whether that shows, but a fit may end there.
+        Whether the form is a variation with a changed parameter. A fit may end in a variation, but its visibility does
+        not matter.
 
     """
 
@@ -70,7 +71,7 @@ class Form:
 @dataclass(frozen=True)
 class Signatures:
     """
-    Of one channel: a cylinder's pressure, or the force.
+    Signatures of a channel: the pressure of a cylinder, or the force.
 
     Attributes
     ----------
@@ -78,36 +79,36 @@ class Signatures:
         `cylinder_a`, `cylinder_b` or `force`.
     noise
         Standard deviation of a sample [Pa or N].
-    own
-        Names of what is fitted anyway: parameters, effects' as `EFFECT.PARAMETER`, otherwise empty.
+    fitted
+        Names of the fitted parameters, of effects as `EFFECT.PARAMETER`; empty for nuisance parameters.
     values
-        Of these, where they have a name; standard errors are shares of them.
+        Values of the named parameters; standard errors are relative to the values.
     forms
-        Of effects that may be missing.
+        Forms of effects that the model may lack.
     unidentifiable
-        Effects that may be missing and never are, whatever they are like: the motion is too quick for the samples.
+        Effects that this motion cannot show, because the motion is too quick for the sampling.
     columns
-        By what is fitted anyway, then the change that each form makes, shape (n, own + forms) [Pa or N].
+        Derivatives by the fitted parameters, then the change of each form, shape (n, fitted + forms) [Pa or N].
 
     """
 
     channel: str
     noise: float
-    own: tuple[str, ...]
+    fitted: tuple[str, ...]
     values: Array
     forms: tuple[Form, ...]
     unidentifiable: tuple[str, ...]
     columns: Array
 
     def products(self, samples: slice | NDArray[np.bool_] = slice(None)) -> Array:
-        """Return the scalar products of all columns over some samples, in units of the noise."""
+        """Return the scalar products of all columns over selected samples, in units of the noise."""
         chosen = self.columns[samples] / self.noise
         return np.asarray(chosen.T @ chosen)
 
 
 @dataclass(frozen=True)
 class Planned:
-    """A channel in the recording that a proposal would give, without noise, and the model that makes it."""
+    """A channel in the noise-free recording of a proposal, and its model."""
 
     experiment: Experiment
     complement: Complement
@@ -116,12 +117,12 @@ class Planned:
 
 def all_signatures(proposal: Proposal, device: Device, sensing: Sensing) -> list[Signatures]:
     """Return the signatures of each channel of a device."""
-    return [_signatures(one) for one in planned(proposal, device, sensing)]
+    return [_signatures(channel) for channel in planned(proposal, device, sensing)]
 
 
 def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planned]:
-    """Return each channel of a device in the recording that a proposal would give: the cylinders, then the force."""
-    found = []
+    """Return each channel of a device in the recording of a proposal: the cylinders, then the force."""
+    channels = []
     geometry, ambient_pressure = device.model.geometry, device.model.geometry.ambient_pressure
     absent = np.full(proposal.times.size, ambient_pressure)
     pressures, levels = dict.fromkeys(CYLINDERS, absent), dict.fromkeys(CYLINDERS, absent)
@@ -132,8 +133,8 @@ def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planne
         model = Model.of_parts(
             home_gains(device, name), cylinder.effects, np.zeros((1, len(channel.recording_parameters)))
         )
-        found.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
-        pressures[name] = found[-1].experiment.measured
+        channels.append(_planned(proposal, channel, model, inputs, sensing, sensing.pressure_noise))
+        pressures[name] = channels[-1].experiment.measured
     inputs = {
         'displacement': proposal.displacement,
         'rate': proposal.velocity,
@@ -145,7 +146,7 @@ def planned(proposal: Proposal, device: Device, sensing: Sensing) -> list[Planne
     force = Force(geometry.area, geometry.geometric_factor, ambient_pressure)
     parameters = np.array([geometry.area, geometry.geometric_factor])
     model = Model(parameters, device.model.force_effects, np.zeros((1, 1)))
-    return [*found, _planned(proposal, force, model, inputs, sensing, sensing.force_noise)]
+    return [*channels, _planned(proposal, force, model, inputs, sensing, sensing.force_noise)]
 
 
 def _planned(
@@ -163,19 +164,19 @@ def _planned(
         chosen=np.ones(proposal.times.size, dtype=np.bool_),
     )
     experiment = replace(experiment, measured=channel.simulated([experiment], model)[0])
-    blurred = channel.sensitivity(model) * sensing.displacement_noise  # at its worst
+    displacement_error = channel.sensitivity(model) * sensing.displacement_noise  # at its worst
     likelihood = Likelihood.alike(channel, [experiment])
-    return Planned(experiment, Complement(likelihood, model), float(np.hypot(noise, blurred)))
+    return Planned(experiment, Complement(likelihood, model), float(np.hypot(noise, displacement_error)))
 
 
 def split_of(proposal: Proposal, sensing: Sensing) -> Split:
-    """Return where `identify_bag` will cut the recording."""
+    """Return the split of the recording into parts by `identify_bag`."""
     (split,), _ = split_recordings([stroke_times(proposal.times, proposal.displacement, sensing.displacement_noise)])
     return split
 
 
 def _motion_of(proposal: Proposal, sensing: Sensing) -> Motion:
-    """Return the motion as the smoother would have it at best."""
+    """Return the motion that a perfect smoother would give."""
     return Motion(
         times=proposal.times,
         displacement=proposal.displacement,
@@ -191,75 +192,88 @@ def _motion_of(proposal: Proposal, sensing: Sensing) -> Motion:
     )
 
 
-def _signatures(one: Planned) -> Signatures:
-    complement, model = one.complement, one.complement.model
+def _signatures(planned_channel: Planned) -> Signatures:
+    complement, model = planned_channel.complement, planned_channel.complement.model
     channel = complement.likelihood.channel
-    strength = STRENGTH * one.noise
-    known = channel.data([one.experiment], model, [one.experiment.measured])
+    strength = STRENGTH * planned_channel.noise
+    known = channel.data([planned_channel.experiment], model, [planned_channel.experiment.measured])
     data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
     missing = channel.candidates(model)
-    hidden = tuple(effect for effect in missing if channel.unidentifiable([one.experiment], effect) is not None)
+    hidden = tuple(
+        effect for effect in missing if channel.unidentifiable([planned_channel.experiment], effect) is not None
+    )
     visible = {effect: channel.effects[effect] for effect in missing if effect not in hidden}
-    forms, columns = _formed(visible, data, one.noise, complement)
-    unknowns = channel.unknowns([one.experiment], model)
+    forms, columns = _forms_and_columns(visible, data, planned_channel.noise, complement)
+    unknowns = channel.unknowns([planned_channel.experiment], model)
     values = channel.row(model)[[unknown.slot for unknown in unknowns]]
     names = tuple(unknown.name for unknown in unknowns)
     return Signatures(
-        channel.name, one.noise, names, values, forms, hidden, np.column_stack([complement.jacobian, *columns])
+        channel.name,
+        planned_channel.noise,
+        names,
+        values,
+        forms,
+        hidden,
+        np.column_stack([complement.jacobian, *columns]),
     )
 
 
-def _formed(
+def _forms_and_columns(
     library: Mapping[str, Effect], data: Mapping[str, float], noise: float, complement: Complement
 ) -> tuple[tuple[Form, ...], list[Array]]:
-    """Return the forms of effects and their signatures, each where it just shows beside what is fitted anyway."""
+    """Return the forms of effects and their signatures, just detectable next to the fitted parameters."""
 
     def visibility(columns: Array) -> Array:
         return np.asarray(np.sqrt(np.mean(complement.remainder(columns) ** 2, axis=0)) / (SHOWN * noise))
 
-    def of_effect(name: str) -> tuple[list[Form], Array]:
+    def forms_of_effect(name: str) -> tuple[list[Form], Array]:
         effect = library[name]
-        typical = [one for one in effect.starts(data) if effect.of_strength(one, 0.5) != one]  # without strength: none
-        shares, columns = _just_showing(typical, effect, lambda ones: complement.changes(name, ones), visibility)
-        forms = [Form(name, one, share) for one, share in zip(typical, shares.tolist())]
-        varied = [replace(form, typical=other, varied=True) for form in forms for other in _varied(form, effect)]
+        starts = effect.starts(data)
+        typical = [values for values in starts if effect.of_strength(values, 0.5) != values]  # with a strength
+        shares, columns = _scale_to_detectable(
+            typical, effect, lambda parameters: complement.changes(name, parameters), visibility
+        )
+        forms = [Form(name, values, share) for values, share in zip(typical, shares.tolist())]
+        varied = [replace(form, typical=values, varied=True) for form in forms for values in _varied(form, effect)]
         if not varied:
             return forms, columns
-        more = complement.changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
-        return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(more), more, 0.0)])
+        varied_columns = complement.changes(name, [effect.of_strength(form.typical, form.share) for form in varied])
+        return [*forms, *varied], np.column_stack([columns, np.where(np.isfinite(varied_columns), varied_columns, 0.0)])
 
-    complement.remainder(complement.simulated)  # made once, before threads ask for it
-    found = map_in_threads(of_effect, list(library))
-    return tuple(form for forms, _ in found for form in forms), [columns for _, columns in found]
+    complement.remainder(complement.simulated)  # fills the cache before the threads use it
+    results = map_in_threads(forms_of_effect, list(library))
+    return tuple(form for forms, _ in results for form in forms), [columns for _, columns in results]
 
 
 def _varied(form: Form, effect: Effect) -> list[tuple[float, ...]]:
-    """Return a form's parameters with each of those changed that a fit searches and that is not its strength."""
-    others = []
+    """Return variations of a form's parameters: each changes a searched parameter other than the strength."""
+    variations = []
     for index, (parameter, value) in enumerate(zip(effect.parameters, form.typical)):
         if not parameter.choice and value and index not in effect.strengths:
-            changed = _VARIED * value if parameter.lower <= _VARIED * value <= parameter.upper else value / _VARIED
-            others.append((*form.typical[:index], changed, *form.typical[index + 1 :]))
-    return others
+            changed = (
+                _VARIATION * value if parameter.lower <= _VARIATION * value <= parameter.upper else value / _VARIATION
+            )
+            variations.append((*form.typical[:index], changed, *form.typical[index + 1 :]))
+    return variations
 
 
-def _just_showing(
+def _scale_to_detectable(
     typical: Sequence[tuple[float, ...]],
     effect: Effect,
     changes: Callable[[Sequence[tuple[float, ...]]], Array],
     visibility: Callable[[Array], Array],
 ) -> tuple[Array, Array]:
     """
-    Return at about which share of its strength each form just shows, and what it changes there.
+    Return the share of the strength at which each form is just detectable, about, and its change there.
 
-    A form that does not show at its typical strength is left at that. Most changes are in proportion to the strength,
-    so that the first guess will do; a limit that does not bind any more changes nothing at all.
+    A form that is not detectable at its typical strength keeps that strength. Most changes are proportional to the
+    strength, so that the first guess suffices. A limit that does not act changes nothing.
     """
     shares, least, most = np.ones(len(typical)), np.zeros(len(typical)), np.ones(len(typical))
     for attempt in range(_ATTEMPTS):
-        columns = changes([effect.of_strength(one, share) for one, share in zip(typical, shares.tolist())])
+        columns = changes([effect.of_strength(values, share) for values, share in zip(typical, shares.tolist())])
         sizes = np.nan_to_num(visibility(columns), nan=np.inf)
-        large, small = sizes > _NEARLY, (sizes < 1.0 / _NEARLY) & (shares < 1.0)
+        large, small = sizes > _TOLERANCE, (sizes < 1.0 / _TOLERANCE) & (shares < 1.0)
         if attempt == _ATTEMPTS - 1 or not np.any(large | small):
             break
         most[large], least[small] = shares[large], shares[small]

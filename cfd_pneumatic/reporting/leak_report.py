@@ -79,7 +79,7 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
     models = table(title, *headings, words=('leak model', 'result'))
     for leak in decay.leaks:
         conductance = leak.conductance if leak.conductance > _ZERO * leak.interval[1] else 0.0
-        cells = [leak.law, f'{conductance:.4g}', ' to '.join(f'{limit:.3g}' for limit in leak.interval)]
+        cells = [leak.characteristic, f'{conductance:.4g}', ' to '.join(f'{limit:.3g}' for limit in leak.interval)]
         if has_settling:
             settling = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
             cells += settling if leak.settling else ('', '')
@@ -93,7 +93,7 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
 
 def _sentences(name: str, decay: Decay) -> list[str]:
     """Return the conclusions from a cylinder's pressure decay."""
-    best, possible = decay.best, [leak.law for leak in decay.leaks if not leak.excluded]
+    best, possible = decay.best, [leak.characteristic for leak in decay.leaks if not leak.excluded]
     if not possible:
         return [
             'No leak model describes the second half. The valve may not have been shut all the time. '
@@ -105,18 +105,22 @@ def _sentences(name: str, decay: Decay) -> list[str]:
             f'In addition to the leak, the pressure settles by {1e-3 * best.settling:.3g} kPa. After filling, the air '
             'cools down and a soft chamber expands. Wait longer before the test to measure the leak alone.'
         )
-    if not decay.told:
+    if not decay.has_leak:
         lines.append(f'No leak is detected. Its conductance is at most {best.interval[1]:.3g} 1/s.')
         return lines
-    drop = _MINUTE * best.conductance * rate_of(best.law, best.start, decay.ambient_pressure)
+    drop = _MINUTE * best.conductance * rate_of(best.characteristic, best.start, decay.ambient_pressure)
     lines.append(f'At the start the pressure falls by {1e-3 * drop:.3g} kPa per minute.')
-    if len(possible) > 1 and decay.tells_below is not None:
-        gauge, time = decay.tells_below
+    if len(possible) > 1 and decay.distinguishable_below is not None:
+        gauge, time = decay.distinguishable_below
         lines.append(
             f'This recording cannot distinguish the possible leak models. Let the pressure fall to '
             f'{1e-3 * gauge:.4g} kPa gauge, for about {_duration(time)}.'
         )
-    parameters = {'enabled': 'true', 'conductance': f'{best.conductance:.4g}', 'orifice': f'{LAWS[best.law]:.1f}'}
+    parameters = {
+        'enabled': 'true',
+        'conductance': f'{best.conductance:.4g}',
+        'orifice': f'{LAWS[best.characteristic]:.1f}',
+    }
     lines.append('For sim_node: ' + ' '.join(f'-p {name}.leakage.{key}:={value}' for key, value in parameters.items()))
     return lines
 
@@ -133,17 +137,21 @@ def _decay_data(decay: Decay) -> dict[str, Any]:
         'duration_s': float(decay.times[-1]),
         'samples': decay.times.size,
         'noise_pa': decay.noise,
-        'told': decay.told,
+        'told': decay.has_leak,
         'laws': [_leak_data(leak, decay) for leak in decay.leaks],
-        'tells_below': None if decay.tells_below is None else dict(zip(('gauge_pa', 'after_s'), decay.tells_below)),
+        'tells_below': None
+        if decay.distinguishable_below is None
+        else dict(zip(('gauge_pa', 'after_s'), decay.distinguishable_below)),
     }
 
 
 def _leak_data(leak: Leak, decay: Decay) -> dict[str, Any]:
     pressures = np.linspace(float(np.min(leak.simulated)), float(np.max(leak.simulated)), _CURVE_POINTS)
-    rates = np.array([rate_of(leak.law, pressure, decay.ambient_pressure) for pressure in pressures.tolist()])
+    rates = np.array(
+        [rate_of(leak.characteristic, pressure, decay.ambient_pressure) for pressure in pressures.tolist()]
+    )
     return {
-        'law': leak.law,
+        'law': leak.characteristic,
         'excluded': leak.excluded,
         'conductance': leak.conductance,
         'interval': list(leak.interval),
@@ -178,7 +186,7 @@ def _picture(decays: Mapping[str, Decay]) -> str:
                 ],
             ),
             Panel(
-                f'{name}: residual of the {decay.best.law} model [Pa]',
+                f'{name}: residual of the {decay.best.characteristic} model [Pa]',
                 90,
                 [Curve(decay.times, 1e3 * (gauge - simulated), measured_colour, dots=True)],
                 band=decay.noise,

@@ -64,12 +64,12 @@ def leaks_of(path: Path) -> list[tuple[str, ...]]:
     return [
         (
             path.stem,
-            leak.law,
+            leak.characteristic,
             ' to '.join(f'{1e6 * one:.3g}' for one in leak.interval),
             f'{1e-3 * leak.settling:.3g} in {leak.time_constant:.3g} s' if leak.settling else '',
             f'{leak.error / decay.noise:.2f}',
             'excluded' if leak.excluded else 'possible',
-            f'{1e-3 * decay.tells_below[0]:.0f}' if decay.tells_below else '',
+            f'{1e-3 * decay.distinguishable_below[0]:.0f}' if decay.distinguishable_below else '',
         )
         for leak in decay.leaks
     ]

@@ -30,7 +30,7 @@ from cfd_pneumatic.files import write_text
 from cfd_pneumatic.identification import Fit, close_loop, identify
 from cfd_pneumatic.model import EFFECTS as MODELLED
 from cfd_pneumatic.model import FORCE_EFFECTS, NAMES
-from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, plan, smallest_words
+from cfd_pneumatic.planning import EffectPrediction, Limits, Plan, plan, smallest_strength_text
 from cfd_pneumatic.recording import Recording, recording_of
 from cfd_pneumatic.rig import Air, RigParameters, Schedule, record, written_schedule
 from cfd_pneumatic.runtime import LIMIT
@@ -250,7 +250,7 @@ def _effects_table(seeds: Sequence[int], outcomes: Mapping[Job, Outcome | None])
         predicted = [case(seed).predicted(effect) for seed in seeds]
         rivals = dict.fromkeys(rival for one in predicted for rival in one.alternatives)
         found = ['<br>'.join(str(outcomes[Job(seed, effect, times)] or '-') for seed in seeds) for times in TIMES]
-        lines.append([f'`{effect}`', '<br>'.join(map(smallest_words, predicted)), ', '.join(rivals), *found])
+        lines.append([f'`{effect}`', '<br>'.join(map(smallest_strength_text, predicted)), ', '.join(rivals), *found])
     return table(['effect', 'shows from', 'not to be told from', 'named at twice that', 'at a tenth of that'], lines)
 
 

@@ -391,7 +391,7 @@ WORDS = {
     'sign_suspect': 'sign',
     'cylinders_swapped': 'swapped',
     'sampling_slow': 'sample',
-    'samples_suspect': 'holds quite still',
+    'samples_suspect': 'freezes',
     'setpoint_assumed': 'was not recorded, and it steps',
     'error': 'time runs backwards',
 }

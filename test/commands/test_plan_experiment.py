@@ -150,13 +150,13 @@ def test_a_bad_parameter_file_is_one_line(tmp_path, capsys, text, message):
     ('arguments', 'message'),
     [
         (['--stroke', '0'], 'stroke 0 m'),
-        (['--duration', '0.2'], 'no stroke with its rests fits'),
+        (['--duration', '0.2'], 'is too short for a stroke'),
         (['--pressures', '6e4', '3e4'], 'give the lower first'),
         (['--wanted', 'leek'], 'leek is neither a parameter nor an effect'),
         (['--sample-rate', '1'], 'sample rate 1 Hz'),
         (['--duration', '3600', '--sample-rate', '5000'], 'more than 400,000 samples: give a shorter duration, or'),
         (['--report', 'none.json'], 'none.json cannot be read: No such file or directory'),
-        (['--report', str(TABLE_1)], 'is no report of identify_bag'),
+        (['--report', str(TABLE_1)], 'is not a report of identify_bag'),
     ],
 )
 def test_bad_limits_are_one_line_and_earlier_plans_stay(planned, capsys, arguments, message):
@@ -174,7 +174,7 @@ def test_a_report_with_a_number_that_cannot_be_is_refused(tmp_path, capsys, samp
     text = f'{{"cylinders": {{"a": {{"noise_floor_pa": 1}}}}, "recordings": [{{"displacement_samples": {samples}, '
     (tmp_path / 'report.json').write_text(f'{text}"duration_s": {duration}, "travel_m": [0, 1]}}]}}')
     arguments = (TABLE_1, '--report', tmp_path / 'report.json', '--output', tmp_path / 'out')
-    assert 'is no report of identify_bag' in refusal(capsys, *arguments)
+    assert 'is not a report of identify_bag' in refusal(capsys, *arguments)
 
 
 def test_a_missing_parameter_file_and_a_folder_that_cannot_be_made(tmp_path, capsys):

@@ -36,13 +36,13 @@ def read_with(shift, factor=1.0, said=(None, None), faults='', **surface):
 def test_what_is_explained_with_an_atmosphere_more_has_another_reference():
     (found,) = read_with(-AMBIENT, duration=15.0, setpoint=1.6e5, setpoint_b=1.3e5, amplitude=0.8e-3)
     assert found.code == 'reference_suspect'
-    assert 'gauge ones that are said to be absolute' in found.message
+    assert 'read as absolute, but look like gauge' in found.message
 
 
 def test_what_is_explained_in_another_unit_is_in_it():
     (found,) = read_with(AMBIENT, factor=1e3 / PSI, said=('kPa', 'gauge'))
     assert found.code == 'unit_suspect'
-    assert 'look like absolute psi ones that are said to be gauge kPa' in found.message
+    assert 'read as gauge kPa, but look like absolute psi' in found.message
 
 
 @pytest.mark.parametrize('said', [(None, None), ('kPa', 'gauge'), ('psi', 'absolute')])
@@ -56,7 +56,7 @@ def test_of_two_references_that_leave_noise_the_one_that_leaves_clearly_less_is_
     assert read_with(0.0, said=('Pa', 'absolute'), **small) == []
     (found,) = read_with(AMBIENT, said=('Pa', 'gauge'), **small)
     assert found.code == 'reference_suspect'
-    assert found.fix == 'check their reference: with `reference: absolute` the model leaves clearly less'
+    assert found.fix == 'check their reference: with `reference: absolute` the remaining error is clearly smaller'
 
 
 def noticed_of_linear(factor=1.0, shift=0.0):
@@ -157,7 +157,7 @@ def test_in_recordings_that_are_misread_nothing_is_searched_for():
     assert {one.code for one in found.notices if one.level == WARNING} == {'sign_suspect'}
     assert all(one.conclusion.tried == () and not one.found.model.parts for one in found.cylinders.values())
     assert not any(
-        one.conclusion.next_experiment or 'goes most' in describe_remaining_error(one)
+        one.conclusion.next_experiment or 'depends most' in describe_remaining_error(one)
         for one in found.cylinders.values()
     )
     assert next_plan(found) is None

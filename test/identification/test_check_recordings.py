@@ -83,14 +83,16 @@ def test_the_unit_of_a_set_point_is_asked_for():
 @pytest.mark.parametrize(('off', 'higher'), [(1.0, 'pressure'), (-1.0, 'set-point')])
 def test_an_atmosphere_between_pressure_and_set_point_is_one_of_the_reference(off, higher):
     found = fixes(setpoint=Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL - off * AMBIENT_PRESSURE])))
-    assert found['reference_suspect'].startswith(f'the {higher} is absolute and said to be gauge, or the ')
+    assert found['reference_suspect'].startswith(f'the {higher} may be absolute and is read as gauge, or the ')
 
 
-@pytest.mark.parametrize(('reference', 'fix'), [('gauge', 'pressure is absolute'), ('absolute', 'set-point is gauge')])
+@pytest.mark.parametrize(
+    ('reference', 'fix'), [('gauge', 'pressure may be absolute'), ('absolute', 'set-point may be gauge')]
+)
 def test_what_a_mapping_says_tells_whose_reference_it_is(reference, fix):
     held = Signal(TIMES[:1], np.array([AMBIENT_PRESSURE + LEVEL]), 'kPa', reference)
     read = Signal(TIMES, held.values + AMBIENT_PRESSURE + 1e3 * np.cos(TIMES), 'kPa', reference)
-    assert fixes(pressure=read, setpoint=held)['reference_suspect'].startswith(f'the {fix} and said to be')
+    assert fixes(pressure=read, setpoint=held)['reference_suspect'].startswith(f'the {fix} and is read as')
 
 
 def test_of_a_pressure_off_its_set_point_the_unit_is_named_in_which_it_is_at_it():
@@ -132,11 +134,11 @@ def test_samples_that_leap_out_and_back_are_told(noise):
     pressure = moved_pressure(noise)
     assert of_moving(pressure) == []
     pressure[[1000, 3000, 3001]] = AMBIENT_PRESSURE  # a plug that comes loose
-    message = 'cylinder_a pressure: 3 samples of 5,001 leap out of the others and back, first at t = 2 s'
+    message = 'cylinder_a pressure: 3 samples of 5,001 leap away and back, first at t = 2 s'
     assert of_moving(pressure) == [('samples_suspect', message)]
     displacement = STROKES.copy()
     displacement[700] = 0.05
-    message = 'displacement: 1 sample of 5,001 leaps out of the others and back, first at t = 1.4 s'
+    message = 'displacement: 1 sample of 5,001 leaps away and back, first at t = 1.4 s'
     assert of_moving(moved_pressure(noise), displacement) == [('samples_suspect', message)]
 
 
@@ -150,7 +152,7 @@ def test_a_pressure_that_holds_still_while_the_piston_moves_is_told(noise):
     pressure = moved_pressure(noise, by=4e4)
     ((code, message),) = of_moving(np.minimum(pressure, AMBIENT_PRESSURE + LEVEL + 2e3))
     assert code == 'samples_suspect'
-    assert 'holds quite still, mostly at its highest value' in message
+    assert 'the pressure freezes, mostly at its highest value' in message
     stuck = pressure.copy()
     stuck[2000:3500] = stuck[2000]
     ((code, message),) = of_moving(stuck)
@@ -246,7 +248,7 @@ def test_noise_of_a_set_point_is_reported(noise):
     measured = levels + noise * np.random.default_rng(3).standard_normal(MOVING.size)
     read = Signal(MOVING, moved_pressure(20.0))
     found = fixes(Signal(MOVING, STROKES), read, Signal(MOVING, measured))
-    assert found['setpoint_suspect'].startswith('record the commanded set-point instead of a measured one')
+    assert found['setpoint_suspect'].startswith('record the commanded set-point instead of a measured set-point')
     assert fixes(Signal(MOVING, STROKES), read, Signal(MOVING[::1250], levels[::1250])) == {}
 
 

@@ -44,8 +44,8 @@ def test_the_law_and_its_conductance_are_told(law, settling):
     for seed in range(8):
         conductance = (0.4 + 0.15 * seed) / DURATION
         told = decay_of(decay(law, conductance, seed, settling=settling), AMBIENT_PRESSURE)
-        assert [leak.law for leak in told.leaks if not leak.excluded] == [law]
-        assert told.told
+        assert [leak.characteristic for leak in told.leaks if not leak.excluded] == [law]
+        assert told.has_leak
         assert told.best.error < 1.5 * NOISE
         assert told.best.settling == pytest.approx(settling, abs=0.1 * settling)
         covered.append(told.best.interval[0] <= conductance <= told.best.interval[1])
@@ -57,22 +57,22 @@ def test_a_short_fall_tells_no_law_and_how_far_it_has_to_fall(law):
     conductance = 0.02 / DURATION
     short = decay_of(decay(law, conductance, 0), AMBIENT_PRESSURE)
     assert not any(leak.excluded for leak in short.leaks)
-    gauge, time = short.tells_below
+    gauge, time = short.distinguishable_below
     assert 0.0 < gauge < START
     longer = decay_of(decay(law, conductance, 1, times=np.linspace(0.0, time, 1500)), AMBIENT_PRESSURE)
-    assert [leak.law for leak in longer.leaks if not leak.excluded] == [law]
+    assert [leak.characteristic for leak in longer.leaks if not leak.excluded] == [law]
 
 
 def test_what_only_settles_is_no_leak():
     told = decay_of(decay('gap', 0.0, 3, settling=8e3, time_constant=40.0), AMBIENT_PRESSURE)
-    assert not told.told
+    assert not told.has_leak
     assert told.best.interval[1] < 1e-4
     assert told.best.settling == pytest.approx(8e3, rel=0.2)
 
 
 def test_a_pressure_that_holds_has_no_leak():
     held = decay_of(decay('gap', 0.0, 4), AMBIENT_PRESSURE)
-    assert not held.told
+    assert not held.has_leak
     assert held.best.interval[1] * START * DURATION < 3.0 * NOISE
 
 

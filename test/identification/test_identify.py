@@ -120,7 +120,7 @@ def test_a_set_point_of_the_test_part_alone_gets_no_row():
     result = identify([recording], Options(per_setpoint=True)).cylinders['cylinder_a']
     assert [point.setpoint / PSI for point in result.schedule] == pytest.approx([5.0], abs=0.01)
     (note,) = result.notes
-    assert note.endswith('left out of the schedule: only the test part holds it')
+    assert note.endswith('is not in the schedule: only the test part contains it')
 
 
 def test_nothing_reads_the_test_part(one):
@@ -204,7 +204,7 @@ def test_what_is_not_identifiable_is_null_in_the_report_and_named_in_the_paramet
     used = dict(zip(NAMES, found.cylinders['cylinder_a'].fit.model.parameters))
     assert yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']['k_v'] == [used['k_v']]
     (line,) = (line for line in text.splitlines() if 'k_v:' in line)
-    assert 'not identifiable, as the fit used it' in line
+    assert 'not identifiable, value assumed in the fit' in line
 
 
 def test_the_table_shows_the_papers_units_beside_si(one):

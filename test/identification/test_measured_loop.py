@@ -86,7 +86,7 @@ def test_what_seems_late_is_judged():
     conclusion = found.channels['cylinder_a'].conclusion
     assert (conclusion.effects, conclusion.status) == (('displacement_delay',), 'hypothesis')
     (told,) = (one for one in found.notices if one.code == 'size_suspect')
-    assert 'makes the error of the force grow' in told.fix
+    assert 'the error of the force grows' in told.fix
 
 
 @pytest.mark.long

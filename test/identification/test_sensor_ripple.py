@@ -59,7 +59,7 @@ def test_waves_of_the_sensor_are_left_out_and_said():
     assert said == []
     (told,), conclusion, error = identified(as_a_swaying_target_has_it(clean))
     assert told.level == 'note'
-    assert told.message.startswith('where the piston moves evenly the displacement waves by 0.013 mm, of which')
+    assert told.message.startswith('the displacement has sensor ripple of 0.013 mm in even motion, of which')
     assert of_clean.verdict == conclusion.verdict == 'no_missing_effect'
     assert error == pytest.approx(least, rel=0.03)
 
@@ -108,4 +108,4 @@ def test_waves_are_told_from_even_motion():
 def test_a_measured_cylinder_does_not_follow_its_laser(run, followed):
     one = replace(read_recording(ROOT / f'{run}.csv', mapping=read_mapping(MAPPING)), force=None)
     (told,) = (notice for notice in identify([one], Options()).notices if notice.code == 'waves_left_out')
-    assert f'of which the pressures follow{followed};' in told.message
+    assert f'of which the pressures follow{followed}.' in told.message

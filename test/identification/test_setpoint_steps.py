@@ -76,6 +76,6 @@ def test_a_set_point_that_was_not_recorded_may_drift(faults, rate, close_loop):
     result = found.cylinders['cylinder_a']
     assert result.found.model.recording_values[0, 2] == pytest.approx(rate, abs=2.0)
     (told,) = [notice.message for notice in found.notices if notice.code == 'setpoint_drifts']
-    assert told.startswith('cylinder_a: the set-point that was not recorded drifts by ')
+    assert told.startswith('cylinder_a: the assumed set-point drifts by ')
     if close_loop:
         assert (result.conclusion.verdict, result.conclusion.effects) == ('no_missing_effect', ())

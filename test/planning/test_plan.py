@@ -20,7 +20,7 @@ from cfd_pneumatic.planning.composition import ROUNDS
 from cfd_pneumatic.planning.evidence import Evidence
 from cfd_pneumatic.planning.experiment_plan import settling
 from cfd_pneumatic.planning.family import family
-from cfd_pneumatic.planning.planned_device import at_home, home_gains, home_setpoints, usual_pressures
+from cfd_pneumatic.planning.planned_device import device_at_home, home_gains, home_setpoints, usual_pressures
 from cfd_pneumatic.planning.proposal import Drawing
 from cfd_pneumatic.planning.signatures import all_signatures, split_of
 from cfd_pneumatic.planning.signatures import planned as planned_channels
@@ -207,7 +207,7 @@ def test_a_strength_is_scaled_to_nothing_and_kept(name):
 
 
 def test_too_little_time_is_said():
-    with pytest.raises(InputError, match='no stroke with its rests fits; give'):
+    with pytest.raises(InputError, match='is too short for a stroke: give'):
         plan(device(), replace(LIMITS, duration=0.4), SENSING)
 
 
@@ -236,7 +236,7 @@ def test_force_effects_are_predicted_beside_the_area(planned):
 def test_a_device_is_read_as_the_simulator_reads_it():
     read = Device.load(Path(__file__).parents[2] / 'config' / 'table_1.yaml')
     assert set(read.model.cylinders) == {'cylinder_a', 'cylinder_b'}
-    assert home_gains(at_home(read, (0.0, 1e6)), 'cylinder_a') == pytest.approx(TABLE_1.table[0, 1:], rel=1e-5)
+    assert home_gains(device_at_home(read, (0.0, 1e6)), 'cylinder_a') == pytest.approx(TABLE_1.table[0, 1:], rel=1e-5)
     assert usual_pressures(read) == pytest.approx((34473.79, 137895.15))
     assert read.assumed == ()
     without_area = {name: value for name, value in read.given.items() if name != 'area'}

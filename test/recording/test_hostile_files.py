@@ -392,7 +392,7 @@ ENDLESS = (
 @pytest.mark.parametrize('content', ['[' * 200_000, '{"a": ' * 200_000, '1', '{}', ENDLESS])
 def test_a_report_that_is_none_is_refused(tmp_path, content):
     (tmp_path / 'report.json').write_text(content)
-    assert 'is no report of identify_bag' in refused(read_report, tmp_path / 'report.json')
+    assert 'is not a report of identify_bag' in refused(read_report, tmp_path / 'report.json')
 
 
 # names

@@ -6,7 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cfd_pneumatic.identification.input_checks.samples import at_limit, shifted, stuck, two_sources
+from cfd_pneumatic.identification.input_checks.samples import (
+    check_range_limit,
+    check_shifts,
+    check_stuck_sensor,
+    check_two_sources,
+)
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.recording.cleaning import Cleaned
 from cfd_pneumatic.recording.dropouts import without_pulses
@@ -229,7 +234,7 @@ def in_steps(values, step):
 @pytest.mark.parametrize('step', COARSE)
 @pytest.mark.parametrize('end', CLIPPED)
 def test_a_displacement_at_its_sensor_s_limit_is_told(end, step):
-    (notice,) = at_limit(Signal(TIMES, in_steps(CLIPPED[end](5.0 * strokes()), step)))
+    (notice,) = check_range_limit(Signal(TIMES, in_steps(CLIPPED[end](5.0 * strokes()), step)))
     assert f'at its {end} value' in notice.message
     assert notice.code == 'samples_suspect'
 
@@ -237,7 +242,7 @@ def test_a_displacement_at_its_sensor_s_limit_is_told(end, step):
 @pytest.mark.parametrize('step', [*COARSE, 1e-4, 1e-3])
 @pytest.mark.parametrize('name', REAL)
 def test_a_displacement_within_its_range_is_not_told_to_be_at_its_limit(name, step):
-    found = list(at_limit(Signal(TIMES, in_steps(REAL[name], step))))
+    found = list(check_range_limit(Signal(TIMES, in_steps(REAL[name], step))))
     assert found == [] or name == 'at zero'  # whose rest has no noise at all
 
 
@@ -247,7 +252,7 @@ def test_a_signal_that_is_stuck_now_and_then_is_reported(long, step):
     for role, values in (('displacement', in_steps(5.0 * strokes(), step)), ('force', in_steps(force(), 1e3 * step))):
         for begin in range(1000, 9500, 1700):
             values[begin : begin + long] = values[begin]
-        (notice,) = stuck(role, Signal(TIMES, values))
+        (notice,) = check_stuck_sensor(role, Signal(TIMES, values))
         assert notice.message.startswith(f'{role}: ')
         assert notice.message.endswith('first at t = 2 s')
 
@@ -255,18 +260,18 @@ def test_a_signal_that_is_stuck_now_and_then_is_reported(long, step):
 @pytest.mark.parametrize('name', REAL)
 @pytest.mark.parametrize('step', [*COARSE, 1e-4, 1e-3])
 def test_a_piston_that_really_rests_is_not_stuck(name, step):
-    assert list(stuck('displacement', Signal(TIMES, in_steps(REAL[name], step)))) == []
+    assert list(check_stuck_sensor('displacement', Signal(TIMES, in_steps(REAL[name], step)))) == []
 
 
 @pytest.mark.parametrize('name', CONTACTS)
 @pytest.mark.parametrize('step', [0.0, 0.01, 0.1, 1.0])
 def test_a_force_that_really_rests_is_not_stuck(name, step):
-    assert list(stuck('force', Signal(TIMES, in_steps(CONTACTS[name], step)))) == []
+    assert list(check_stuck_sensor('force', Signal(TIMES, in_steps(CONTACTS[name], step)))) == []
 
 
 def test_a_stop_is_no_limit_of_the_sensor():
     stopped = np.minimum(strokes(), 5e-3) + 1e-7 * NOISE
-    assert list(at_limit(Signal(TIMES, stopped))) == []
+    assert list(check_range_limit(Signal(TIMES, stopped))) == []
 
 
 @pytest.mark.parametrize('role', ['displacement', 'pressure'])
@@ -275,34 +280,34 @@ def test_a_sensor_that_is_zeroed_in_the_middle_is_reported(role, share):
     values = strokes()
     clean = values.copy()
     values[6000:] += share * np.ptp(values)
-    (notice,) = shifted(role, None, Signal(TIMES, values))
-    assert 'stays there, at t = 12 s' in notice.message
-    assert list(shifted(role, None, Signal(TIMES, clean))) == []
+    (notice,) = check_shifts(role, None, Signal(TIMES, values))
+    assert 'shifts within a single sample, at t = 12 s' in notice.message
+    assert list(check_shifts(role, None, Signal(TIMES, clean))) == []
 
 
 @pytest.mark.parametrize('lasting', [0.006, 0.02, 0.1])
 @pytest.mark.parametrize('step', [0.0, 1e-6, 1e-5])
 def test_a_piston_that_moves_quickly_is_not_shifted(lasting, step):
     stroke = 3e-3 * np.clip((TIMES - 9.0) / lasting, 0.0, 1.0) + 1e-6 * NOISE
-    assert list(shifted('displacement', None, Signal(TIMES, in_steps(stroke, step)))) == []
+    assert list(check_shifts('displacement', None, Signal(TIMES, in_steps(stroke, step)))) == []
 
 
 @pytest.mark.parametrize('offset', [1e-3, -5e-3])
 def test_two_who_publish_one_topic_are_told(offset):
     values = strokes()
     values[1::2] = np.interp(TIMES[1::2], TIMES, strokes(2)) + offset
-    (notice,) = two_sources('displacement', None, Signal(TIMES, values))
-    assert 'far from the one before and near the one before that' in notice.message
-    assert list(two_sources('pressure', 'cylinder_a', Signal(TIMES, 1e5 + values))) != []
+    (notice,) = check_two_sources('displacement', None, Signal(TIMES, values))
+    assert 'far from the previous sample and near the sample before that' in notice.message
+    assert list(check_two_sources('pressure', 'cylinder_a', Signal(TIMES, 1e5 + values))) != []
 
 
 @pytest.mark.parametrize('name', REAL)
 def test_one_who_publishes_is_not_taken_for_two(name):
-    assert list(two_sources('displacement', None, Signal(TIMES, REAL[name]))) == []
+    assert list(check_two_sources('displacement', None, Signal(TIMES, REAL[name]))) == []
 
 
 def test_noise_is_not_taken_for_two_sources():
-    assert list(two_sources('force', None, Signal(TIMES, NOISE))) == []
+    assert list(check_two_sources('force', None, Signal(TIMES, NOISE))) == []
 
 
 @pytest.mark.parametrize(('lasting', 'stays'), [(0.002, False), (0.016, False), (0.03, True)])

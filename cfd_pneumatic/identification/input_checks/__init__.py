@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Input checks: whether units, references, signs, columns, sensors and clocks of recordings can be right.
+Check whether units, references, signs, columns, sensors and clocks of recordings are plausible.
 
-`check_recordings` looks at recordings alone. `check_results` looks at what was identified of them, too.
+`check_recordings` uses the recordings alone. `check_results` also uses the identified results.
 """
 
 from __future__ import annotations

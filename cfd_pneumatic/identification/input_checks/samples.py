@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples that no sensor gives which is well: some leap out of all others and back, some hold still."""
+"""Report samples of a faulty sensor or logger: leaps, shifts, frozen values, clipped ranges and mixed sources."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ from cfd_pneumatic.identification.input_checks.thresholds import (
 from cfd_pneumatic.notices import Notice, warning
 from cfd_pneumatic.recording import Signal, count_of, is_noisy
 
-_NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise, of its median second difference
+_NOISE_OF_BENDS = 1.0 / (0.6745 * math.sqrt(6.0))  # standard deviation of white noise over median second difference
 
 
-def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
-    """Ask whether single samples leap out of all others and back, as flipped bits and loose plugs make them."""
-    if role not in ('displacement', 'pressure'):  # a force has the jerks of what moves
+def check_leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Warn if single samples leap away and back, as with flipped bits or loose plugs."""
+    if role not in ('displacement', 'pressure'):  # a force contains the jerks of the moving parts
         return
     values = signal.values
     low, middle, high = np.percentile(values[:: max(1, len(values) // MOST_INSPECTED_SAMPLES)], (1.0, 50.0, 99.0))
@@ -81,41 +81,44 @@ def leaps(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
         number, first = int(np.sum((ends - begins)[spikes])), float(signal.times[begins[spikes][0]])
         yield warning(
             'samples_suspect',
-            f'{name}: {count_of(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} out of the '
-            f'others and back, first at t = {first:.4g} s',
-            'leave them out, and look at the plug, the cable and the logger',
+            f'{name}: {count_of(number, "sample")} of {len(signal):,} {"leap" if number > 1 else "leaps"} away and '
+            f'back, first at t = {first:.4g} s',
+            'remove these samples, and inspect the plug, the cable and the logger',
         )
 
 
-def two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
-    """Ask whether samples come in turn from two sensors, as of two nodes that publish one topic."""
+def check_two_sources(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+    """Warn if the samples alternate between two sensors, as when two nodes publish the same topic."""
     values = signal.values[:MOST_INSPECTED_SAMPLES]
     if role == 'setpoint' or len(values) < FEWEST_SAMPLES_AT_LIMIT:
         return
-    from_last, from_one_before = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
-    in_turn = (from_last > LEAST_ALTERNATION * from_one_before) & (from_last > LEAST_SOURCE_DISTANCE * np.ptp(values))
-    share = float(np.mean(in_turn))
+    to_previous, to_second_previous = np.abs(values[2:] - values[1:-1]), np.abs(values[2:] - values[:-2])
+    alternates = (to_previous > LEAST_ALTERNATION * to_second_previous) & (
+        to_previous > LEAST_SOURCE_DISTANCE * np.ptp(values)
+    )
+    share = float(np.mean(alternates))
     if share > LEAST_ALTERNATING_SHARE:
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
-            f'{name}: {100.0 * share:.0f} % of the samples are far from the one before and near the one before that',
-            'look whether two publish the topic, or two sensors are in one column, and record one of them',
+            f'{name}: the samples seem to alternate between two sensors: {100.0 * share:.0f} % are far from the '
+            'previous sample and near the sample before that',
+            'check whether two nodes publish the topic or a column holds two sensors, and record a single sensor',
         )
 
 
-def stuck(role: str, signal: Signal) -> Iterator[Notice]:
+def check_stuck_sensor(role: str, signal: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement or force holds still now here, now there, though its sensor has noise, or leaps then.
+    Warn if a displacement or force repeats several values without noise, or leaps out of the repeats.
 
-    What rests really has noise as before, or begins to move in small steps, or rests at one value, as a force without
-    contact.
+    A signal at rest has sensor noise, or starts to move in small steps, or rests at a single value, as a force without
+    contact does.
     """
     values, times = signal.values[:MOST_INSPECTED_SAMPLES], signal.times[:MOST_INSPECTED_SAMPLES]
     changes = np.diff(values)
     steps = np.abs(changes)
-    begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of one value
-    ends = np.append(begins[1:], len(values))  # the first sample behind each
+    begins = np.flatnonzero(np.append(True, steps != 0.0))  # of runs of equal values
+    ends = np.append(begins[1:], len(values))
     is_long = (ends - begins >= FEWEST_FROZEN_SAMPLES) & (times[ends - 1] - times[begins] >= LEAST_FROZEN_TIME)
     inner = is_long & (ends < len(values))
     moving = np.repeat(~is_long, ends - begins)[1:]
@@ -124,23 +127,23 @@ def stuck(role: str, signal: Signal) -> Iterator[Notice]:
     out = steps[np.minimum(ends, len(values) - 1) - 1]
     leaps_out = inner & (out > LEAST_LEAP_OUT * np.percentile(steps[moving], 99.0))
     has_noise = is_noisy(changes[moving]) and np.mean(steps[moving] == 0.0) < RARELY_REPEATED_SHARE
-    held = inner if has_noise else leaps_out
-    if len(np.unique(values[begins[held]])) < FEWEST_STUCK_VALUES:
+    frozen = inner if has_noise else leaps_out
+    if len(np.unique(values[begins[frozen]])) < FEWEST_STUCK_VALUES:
         return
-    share = float(np.sum((ends - begins)[held])) / len(values)
+    share = float(np.sum((ends - begins)[frozen])) / len(values)
     yield warning(
         'samples_suspect',
-        f'{role}: {count_of(int(np.sum(held)), "time")} it holds quite still, in '
-        f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[held][0]]:.4g} s',
-        "look at the sensor's plug, its cable and the logger, and record again",
+        f'{role}: the signal freezes {count_of(int(np.sum(frozen)), "time")}, in '
+        f'{float(f"{100.0 * share:.2g}"):g} % of the samples, first at t = {times[begins[frozen][0]]:.4g} s',
+        "inspect the sensor's plug, its cable and the logger, and record again",
     )
 
 
-def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
+def check_shifts(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement or pressure leaps once and stays, as a sensor that is zeroed or slips does.
+    Warn if a displacement or pressure shifts within a sample, as with a sensor that is zeroed or slips.
 
-    A piston and a pressure that move so far do it in several samples, if these come every 5 ms or faster.
+    A piston or a pressure needs several samples for such a change at 200 Hz or faster.
     """
     values, times = signal.values[:MOST_INSPECTED_SAMPLES], signal.times[:MOST_INSPECTED_SAMPLES]
     if role not in ('displacement', 'pressure') or len(values) < FEWEST_SAMPLES_AT_LIMIT:
@@ -157,7 +160,7 @@ def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]
     around, shifts = round(SHIFT_TIME / period), []
     for index in np.flatnonzero((steps > least) & (intervals < LONGEST_RESOLVED_INTERVAL)).tolist():
         before, behind = values[max(index + 1 - around, 0) : index + 1], values[index + 1 : index + 1 + around]
-        largest = max(float(np.max(np.abs(np.diff(some)), initial=0.0)) for some in (before, behind))
+        largest = max(float(np.max(np.abs(np.diff(side)), initial=0.0)) for side in (before, behind))
         stays = abs(np.median(behind) - np.median(before)) > 0.5 * steps[index]
         if stays and np.ptp(before) and np.ptp(behind) and steps[index] > LEAST_LONE_SHIFT * largest:
             shifts.append(f'{times[index + 1]:.4g}')
@@ -165,50 +168,50 @@ def shifted(role: str, cylinder: str | None, signal: Signal) -> Iterator[Notice]
         name = role if cylinder is None else f'{cylinder} {role}'
         yield warning(
             'samples_suspect',
-            f'{name}: it leaps within one sample and stays there, at t = {" and ".join(shifts)} s',
-            'look whether the sensor was zeroed or has slipped, and identify the parts separately (--from, --until)',
+            f'{name}: the signal shifts within a single sample, at t = {" and ".join(shifts)} s',
+            'check whether the sensor was zeroed or slipped, and identify the parts separately (--from, --until)',
         )
 
 
-def at_limit(displacement: Signal) -> Iterator[Notice]:
+def check_range_limit(displacement: Signal) -> Iterator[Notice]:
     """
-    Ask whether a displacement ends at its sensor's limit, where it holds quite still at once and the piston goes on.
+    Warn if a displacement reaches the limit of its sensor, which then repeats a value while the piston moves on.
 
-    At a stop, too, a piston holds still at once, but its sensor goes on to have noise.
+    At a mechanical stop the piston stops as suddenly, but the sensor still has noise.
     """
     values = displacement.values[:MOST_INSPECTED_SAMPLES]
     if len(values) < FEWEST_SAMPLES_AT_LIMIT or np.ptp(values) == 0.0:
         return
     steps = np.diff(values)
-    moved = np.abs(steps[steps != 0.0])
-    least = max(0.5 * float(np.median(moved)), LARGEST_STEPS_INTO_LIMIT * float(np.min(moved)))
-    for limit, towards in ((np.max(values), 1.0), (np.min(values), -1.0)):
-        held = values == limit
-        edges = np.diff(held.astype(np.int8), prepend=0, append=0)
+    changes = np.abs(steps[steps != 0.0])
+    least = max(0.5 * float(np.median(changes)), LARGEST_STEPS_INTO_LIMIT * float(np.min(changes)))
+    for limit, direction in ((np.max(values), 1.0), (np.min(values), -1.0)):
+        at_limit = values == limit
+        edges = np.diff(at_limit.astype(np.int8), prepend=0, append=0)
         begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        long = (ends - begins >= FEWEST_FROZEN_SAMPLES) & (begins > 1)
-        begins, ends = begins[long], ends[long]
-        elsewhere = ~(held[1:] | held[:-1])
+        is_long = (ends - begins >= FEWEST_FROZEN_SAMPLES) & (begins > 1)
+        begins, ends = begins[is_long], ends[is_long]
+        elsewhere = ~(at_limit[1:] | at_limit[:-1])
         is_fine = np.mean(steps[elsewhere] == 0.0) < LARGEST_REPEATED_SHARE if elsewhere.any() else False
         if not begins.size or not is_fine:
             continue
-        runs_into = towards * steps[begins - 2] > least
+        runs_into = direction * steps[begins - 2] > least
         share = float(np.sum(ends - begins)) / len(values)
         if np.mean(runs_into) > 0.5 and share > LEAST_LIMIT_SHARE:
             yield warning(
                 'samples_suspect',
-                f'the displacement holds quite still at its {"highest" if towards > 0.0 else "lowest"} value, '
+                f'the displacement is exactly constant at its {"highest" if direction > 0.0 else "lowest"} value, '
                 f'{1e3 * float(limit):.4g} mm, in {float(f"{100.0 * share:.2g}"):g} % of the samples',
-                "look whether that is the limit of the sensor's range, and record again within it",
+                "check whether this is the limit of the sensor's range, and record again within the range",
             )
 
 
-def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: Signal) -> Iterator[Notice]:
+def check_clipping(name: str, pressure: Signal, setpoint: Signal | None, displacement: Signal) -> Iterator[Notice]:
     """
-    Ask whether a pressure piles up at both ends of its range, as that of a clipping sensor with noise behind it does.
+    Warn if a pressure piles up at both ends of its range, as with a clipping sensor and noise added later.
 
-    A mean over some samples then has less noise than the pressure, and a pile narrower than any real turn of it. The
-    piston changes its speed meanwhile, which the pressure follows between the piles, also where no set-point steps.
+    Averaging reduces the noise, so that a pile is narrower than any real reversal of the pressure. The speed of the
+    piston changes within the piles. Between the piles the pressure varies even without steps of the set-point.
     """
     values, times = pressure.values[:MOST_INSPECTED_SAMPLES], pressure.times[:MOST_INSPECTED_SAMPLES]
     if len(values) < FEWEST_SAMPLES_AT_LIMIT:
@@ -238,7 +241,7 @@ def clipped(name: str, pressure: Signal, setpoint: Signal | None, displacement: 
         'samples_suspect',
         f'{name}: the pressure piles up at both ends of its range, in {100.0 * sum(shares):.2g} % of the samples, '
         'while the piston changes its speed',
-        "look whether the sensor's or the logger's range is too small, and record again within it",
+        'check whether the range of the sensor or the logger is too small, and record again within the range',
     )
 
 
@@ -247,7 +250,7 @@ def _means(values: Array) -> Array:
 
 
 def _pile(means: Array, width: float) -> NDArray[np.bool_]:
-    """Return which means are in a pile at the upper end, as narrow as their noise, shape (n,); none without one."""
+    """Return which means are in a pile at the upper end, as narrow as their noise, shape (n,); all False without."""
     top = float(np.percentile(means, 99.5)) - width
     level = float(np.median(means[means > top - 4.0 * width]))
     pile: NDArray[np.bool_] = np.abs(means - level) < 2.0 * width
@@ -257,11 +260,11 @@ def _pile(means: Array, width: float) -> NDArray[np.bool_]:
     return pile if is_pile else np.zeros(len(means), bool)
 
 
-def noisy_setpoint(name: str, setpoint: Signal, pressure: Signal) -> Iterator[Notice]:
+def check_setpoint_noise(name: str, setpoint: Signal, pressure: Signal) -> Iterator[Notice]:
     """
-    Ask whether a set-point has noise about its levels, as one that is measured has.
+    Warn if a set-point has noise about its levels, as a measured set-point has.
 
-    A controller changes its set-point at each sample, too, but does not hold the mean of many.
+    A controller also changes its set-point at each sample, but does not hold the mean.
     """
     values = setpoint.values[:MOST_INSPECTED_SAMPLES]
     changes = np.diff(values)
@@ -279,46 +282,45 @@ def noisy_setpoint(name: str, setpoint: Signal, pressure: Signal) -> Iterator[No
         return
     yield warning(
         'setpoint_suspect',
-        f'{name}: the set-point changes at each sample, by noise of {noise:.3g} Pa about its levels: the model takes '
-        'each change for a step',
-        'record the commanded set-point instead of a measured one, or round it to its levels',
+        f'{name}: the set-point has noise of {noise:.3g} Pa about its levels: the model treats each change as a step',
+        'record the commanded set-point instead of a measured set-point, or round the set-point to its levels',
     )
 
 
-def standstill(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:
+def check_frozen_pressure(name: str, pressure: Signal, displacement: Signal, least: float) -> Iterator[Notice]:
     """
-    Ask whether a pressure holds quite still while the piston turns round, or begins and ends to do so at once.
+    Warn if a pressure freezes while the piston reverses, or freezes and resumes suddenly.
 
-    At a steady speed, and at rest, a pressure with less noise than its sensor has steps is still, too. A piston moves
-    by `least` [m] or more.
+    At rest and at constant speed a healthy pressure may be constant if its noise is below the sensor's resolution.
+    The piston counts as moving if its motion exceeds `least` [m].
     """
     values, times = pressure.values[:MOST_INSPECTED_SAMPLES], pressure.times[:MOST_INSPECTED_SAMPLES]
-    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of one value, which follow each other
+    begins = np.flatnonzero(np.append(True, np.diff(values) != 0.0))  # of runs of equal values
     repeats = np.diff(begins, append=len(values)) - 1
-    held = values[begins]
-    if len(held) < 2 or np.sum(repeats) <= LEAST_FROZEN_SHARE * (len(values) - 1):
+    run_values = values[begins]
+    if len(run_values) < 2 or np.sum(repeats) <= LEAST_FROZEN_SHARE * (len(values) - 1):
         return
-    several = repeats[repeats > 0]
-    if np.percentile(several, 90.0) < LARGEST_EVEN_RATIO * np.median(several):
-        return  # a logger that asks faster than the sensor answers
-    steps = np.abs(np.diff(held))
+    repeated = repeats[repeats > 0]
+    if np.percentile(repeated, 90.0) < LARGEST_EVEN_RATIO * np.median(repeated):
+        return  # the logger reads faster than the sensor updates
+    steps = np.abs(np.diff(run_values))
     finest, strokes = np.min(steps), max(1, min(len(values) // 2, int((times[-1] - times[0]) / STROKE_TIME)))
-    spans = [float(np.ptp(one)) for one in np.array_split(values, strokes) if np.any(one != one[:1])] or [0.0]
+    spans = [float(np.ptp(part)) for part in np.array_split(values, strokes) if np.any(part != part[:1])] or [0.0]
     if finest > LARGEST_STEP_SHARE * np.median(spans):
         return
 
-    before, here, after = (
-        np.interp(times + by, displacement.times, displacement.values) for by in (-ANSWER_TIME, 0, ANSWER_TIME)
+    before, now, after = (
+        np.interp(times + shift, displacement.times, displacement.values) for shift in (-ANSWER_TIME, 0, ANSWER_TIME)
     )
     low, high = np.percentile(displacement.values[:: max(1, len(displacement) // MOST_INSPECTED_SAMPLES)], (1.0, 99.0))
-    moved = np.minimum(np.abs(here - before), np.abs(after - here)) > max(LEAST_MOVED_SHARE * (high - low), least)
+    moved = np.minimum(np.abs(now - before), np.abs(after - now)) > max(LEAST_MOVED_SHARE * (high - low), least)
     direction = np.where(moved, np.sign(after - before), np.nan)
     turns = np.fmin.reduceat(direction, begins) < np.fmax.reduceat(direction, begins)
 
-    at_an_end = (held == np.min(held)) | (held == np.max(held))
-    sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > LEAST_STEPS_TO_STUCK * finest
+    is_extreme = (run_values == np.min(run_values)) | (run_values == np.max(run_values))
+    is_sudden = np.minimum(np.append(0.0, steps), np.append(steps, 0.0)) > LEAST_STEPS_TO_STUCK * finest
     is_long = (repeats >= FEWEST_FROZEN_SAMPLES) & (times[begins + repeats] - times[begins] >= LEAST_FROZEN_TIME)
-    is_frozen = is_long & (turns | (at_an_end & sudden))
+    is_frozen = is_long & (turns | (is_extreme & is_sudden))
     frozen = moved & np.repeat(is_frozen, repeats + 1)
     share = np.sum(frozen) / max(1, np.sum(moved))
     if share <= LEAST_FROZEN_SHARE:
@@ -327,7 +329,7 @@ def standstill(name: str, pressure: Signal, displacement: Signal, least: float) 
     where = 'its lowest' if value == np.min(values) else 'its highest' if value == np.max(values) else 'the same'
     yield warning(
         'samples_suspect',
-        f'{name}: the pressure holds quite still, mostly at {where} value, in {float(f"{100.0 * share:.2g}"):g} % of '
-        'the time in which the piston moves',
-        "look at the sensor's range, its plug and the logger, and record again",
+        f'{name}: the pressure freezes, mostly at {where} value, in {float(f"{100.0 * share:.2g}"):g} % of the time '
+        'in which the piston moves',
+        "inspect the sensor's range, its plug and the logger, and record again",
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Ripple of the displacement that the pressure does not follow: its sensor makes them, not the piston.
+Detect sensor ripple: oscillations of the displacement that the pressure does not follow.
 
-Where a piston is driven evenly from one reversal to the next, a sensor may see it wave: its target is no plane, or
-sways. Whether the piston does, the pressure tells, which follows its speed.
+The sensor of an evenly driven piston shows ripple if its target is not flat or sways. The pressure follows the speed of
+the piston, so that the pressure shows whether the piston itself oscillates.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class Ripple:
     Attributes
     ----------
     without
-        The recording without them.
+        The recording without ripple.
     spans
-        Begin and end of each stretch of even motion [s].
+        Begin and end of each even motion [s].
     size
-        Their root mean square [m].
+        Root mean square of the ripple [m].
 
     """
 
@@ -54,93 +54,95 @@ class Ripple:
 
 
 def ripple_of(recording: Recording, motion: Motion) -> Ripple | None:
-    """Return the waves of a displacement; None where no motion is even for long, or none stick out of the noise."""
+    """Return the ripple of a displacement; None without a long even motion, or if the ripple is within the noise."""
     if not motion.reach:
         return None
-    times, moved = motion.times, motion.displacement
-    spans, waves = [], []
-    for begin, end in pairwise(stroke_times(times, moved, motion.noise).tolist()):
+    times, displacement = motion.times, motion.displacement
+    spans, ripples = [], []
+    for begin, end in pairwise(stroke_times(times, displacement, motion.noise).tolist()):
         if end - begin < SHORTEST_EVEN_MOTION:
             continue
-        stroke = _between(times, begin, end)
+        stroke = _slice_between(times, begin, end)
         speed = np.abs(motion.rate[stroke])
         usual = float(np.median(speed))
         fast = times[stroke][speed >= LEAST_END_SPEED * usual]
         first, last = float(fast[0]) + EASING_TIME, float(fast[-1]) - EASING_TIME
-        inside = _between(times, first, last)
+        inside = _slice_between(times, first, last)
         if last - first < SHORTEST_EVEN_MOTION or inside.stop - inside.start < FEWEST_EVEN_SAMPLES:
             continue
         if np.min(np.abs(motion.rate[inside])) > LEAST_EVEN_SPEED * usual:
             from_end = np.minimum(times[inside] - first, last - times[inside])
-            uneven = _uneven(times[inside], moved[inside])
+            uneven = _uneven_part(times[inside], displacement[inside])
             spans.append((first + EASING_TIME, last - EASING_TIME))
-            waves.append((inside, np.minimum(from_end / EASING_TIME, 1.0) * uneven))
-    size = rms(np.concatenate([one for _, one in waves])) if waves else 0.0
+            ripples.append((inside, np.minimum(from_end / EASING_TIME, 1.0) * uneven))
+    size = rms(np.concatenate([ripple for _, ripple in ripples])) if ripples else 0.0
     if size <= motion.uncertainty:
         return None
     values = recording.displacement.values.copy()
-    for inside, one in waves:
-        values[inside] -= one
+    for inside, ripple in ripples:
+        values[inside] -= ripple
     without = replace(recording, displacement=replace(recording.displacement, values=values))
     return Ripple(without, tuple(spans), size)
 
 
 def ripple_notice(pressures: Sequence[tuple[Ripple, Fit, Experiment, Experiment]]) -> Notice | None:
     """
-    Return what to say of waves that the pressures do not follow; None where they do, or nothing tells.
+    Return a note about ripple that the pressures do not follow; None if they follow, or without evidence.
 
-    What follows early or late follows, too. Test parts have no say.
+    A pressure that leads or lags the ripple follows, too. Test parts are not used.
 
     Parameters
     ----------
     pressures
-        The waves of each recording with some, and of each cylinder in it its fit, and the recording as it is and
-        without waves, made ready for the model.
+        Ripple of a recording, fit of a cylinder in that recording, and the cylinder's experiments with and without the
+        ripple.
 
     """
-    told = [one for some in pressures for one in _told(*some)]
-    if not told:
+    signals = [rows for pressure in pressures for rows in _ripple_signals(*pressure)]
+    if not signals:
         return None
-    expected, slope, left = np.hstack(told)
-    if float(expected @ (expected - 2.0 * left)) <= LEAST_RIPPLE_EVIDENCE:
+    expected, slope, residual = np.hstack(signals)
+    if float(expected @ (expected - 2.0 * residual)) <= LEAST_RIPPLE_EVIDENCE:
         return None
     basis, _ = np.linalg.qr(np.stack([expected, slope], axis=1))
-    share = float(np.linalg.norm(basis.T @ left) / np.linalg.norm(expected))
+    share = float(np.linalg.norm(basis.T @ residual) / np.linalg.norm(expected))
     if share >= LARGEST_FOLLOWED_SHARE:
         return None
-    size = max(waves.size for waves, *_ in pressures)
+    size = max(ripple.size for ripple, *_ in pressures)
     return note(
         'waves_left_out',
-        f'where the piston moves evenly the displacement waves by {size * 1e3:.2g} mm, of which the pressures follow '
-        f'{share:.0%}; the sensor makes these waves, and they are left out',
-        "look at the sensor's target and mount; sim_node and monitor_node still see the waves",
+        f'the displacement has sensor ripple of {size * 1e3:.2g} mm in even motion, of which the pressures follow '
+        f'{share:.0%}. The identification removes the ripple',
+        "inspect the sensor's target and mount; sim_node and monitor_node still receive the ripple",
     )
 
 
-def _told(waves: Ripple, fit: Fit, recorded: Experiment, even: Experiment) -> Iterator[Array]:
-    """Yield what waves would make of a pressure, its slope, and what is left without them, shape (3, n) [residuals]."""
-    times, known = recorded.sample_times, recorded.sample_times[recorded.fitted]
-    if not known.size:
+def _ripple_signals(ripple: Ripple, fit: Fit, recorded: Experiment, even: Experiment) -> Iterator[Array]:
+    """Yield the pressure that the ripple would cause, its slope, and the residual without ripple, (3, n) [residual]."""
+    times, fitted_times = recorded.sample_times, recorded.sample_times[recorded.fitted]
+    if not fitted_times.size:
         return
-    with_waves, without = (fit.likelihood.channel.simulated([one], fit.model)[0] for one in (recorded, even))
+    channel = fit.likelihood.channel
+    with_ripple, without = (channel.simulated([experiment], fit.model)[0] for experiment in (recorded, even))
     without = np.interp(times, even.sample_times, without)
-    expected = with_waves - without
+    expected = with_ripple - without
     signals = np.stack([expected, np.gradient(expected, times), recorded.measured - without])
-    inside = [_between(times, begin, min(end, float(known[-1]))) for begin, end in waves.spans]
-    uneven = [_uneven(times[one], signals[:, one]) for one in inside if one.stop - one.start >= FEWEST_EVEN_SAMPLES]
+    spans = [_slice_between(times, begin, min(end, float(fitted_times[-1]))) for begin, end in ripple.spans]
+    spans = [span for span in spans if span.stop - span.start >= FEWEST_EVEN_SAMPLES]
+    uneven = [_uneven_part(times[span], signals[:, span]) for span in spans]
     if uneven:
-        found = np.hstack(uneven)
-        yield found / rms(found[-1])
+        rows = np.hstack(uneven)
+        yield rows / rms(rows[-1])
 
 
-def _between(times: Array, begin: float, end: float) -> slice:
-    """Return which of increasing times lie between two."""
+def _slice_between(times: Array, begin: float, end: float) -> slice:
+    """Return the slice of increasing times between two times."""
     first, last = np.searchsorted(times, [begin, end]).tolist()
     return slice(first, max(first, last))
 
 
-def _uneven(times: Array, signals: Array) -> Array:
-    """Return signals, shape (..., n), less what is even in them."""
-    since = (times - times[0]) / (times[-1] - times[0])
-    basis, _ = np.linalg.qr(legvander(2.0 * since - 1.0, EVEN_MOTION_DEGREE))
+def _uneven_part(times: Array, signals: Array) -> Array:
+    """Return signals, shape (..., n), minus a polynomial of time."""
+    elapsed = (times - times[0]) / (times[-1] - times[0])
+    basis, _ = np.linalg.qr(legvander(2.0 * elapsed - 1.0, EVEN_MOTION_DEGREE))
     return np.asarray(signals - signals @ basis @ basis.T)

@@ -45,7 +45,7 @@ Origin: not known.
 
 LEAST_FORCE_ERROR_CHANGE = 0.05
 """
-Least change of the force's error that decides whether the displacement is late [error of the force].
+Least change of the force's error that decides whether the displacement lags [error of the force].
 Origin: not known.
 """
 
