@@ -71,8 +71,10 @@ def told(**changes: tuple[float, dict] | None) -> dict:
 
 def verdicts(run: dict) -> dict[str, bool | None]:
     """Return for each work whether its promise is kept."""
-    lines = document.lines_of(Run(run))
-    return {f'{one.work}; {one.reach}; {found.peer.partition(":")[0]}': found.kept for one, found in lines}
+    lines = document.outcomes_of(Run(run))
+    return {
+        f'{promise.work}; {promise.limit}; {outcome.peer.partition(":")[0]}': outcome.kept for promise, outcome in lines
+    }
 
 
 def test_a_run_that_keeps_every_promise():
