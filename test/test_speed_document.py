@@ -150,5 +150,5 @@ def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
 
 def test_without_figures_it_says_how_to_get_them(tmp_path, capsys):
     assert document.main(['--benchmark', str(tmp_path / 'none.json'), '--output', str(tmp_path / 'speed.md')]) == 2
-    assert 'run make benchmark first' in capsys.readouterr().err
+    assert 'Run make benchmark first' in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

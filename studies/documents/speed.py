@@ -382,7 +382,7 @@ def _commands_section(run: Run) -> str:
         if 'stages' in values:
             steps.append(
                 f'- {name.removeprefix("test_")}: '
-                + '; '.join(f'{begin:.2f} s {stage}' for begin, stage in values['stages'])
+                + '; '.join(f'{begin:.2f} s {stage}' for stage, begin in values['stages'])
             )
     return (
         '## Whole commands\n\nTime that a user waits for a command: the median of five separate processes. A unit is '
