@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The main job on real input, for a first look: make demo.
+Demonstrate the closed loop: make demo.
 
-A virtual device with something wrong with it, its simulator, a recorder and the identifier run in a ROS 2 graph. The
-identifier finds in the recording what is wrong and puts the simulator right while both run on. A measured run of a real
-cylinder is identified, too, where the measured data are.
+A virtual device with a leak, its simulator, a recorder and the identifier run in a ROS 2 graph. The identifier finds
+the leak in the recording, and corrects the simulator while device and simulator run on. The demo also identifies a
+measured run of a cylinder if the measured data are present.
 """
 
 from __future__ import annotations
@@ -55,16 +55,17 @@ RECORDED = (
 )
 SIMULATOR = f'{SIM}/sim_node'
 IDENTIFIER = '/cfd/identifier_node'
-PATIENCE = 120.0  # a busy machine may take so long for each step [s]
-ENDING_TIME = 10.0  # a node has to end by then [s]
-SETTLING = 0.5  # after a change, before the live residual is taken [s]
+PATIENCE = 120.0  # time limit of each step, for a busy machine [s]
+ENDING_TIME = 10.0  # time limit for the end of a node [s]
+SETTLING = 0.5  # after a change, before the residual is measured [s]
 
-SCHEDULE = out_and_back().with_return()  # played over and over
+SCHEDULE = out_and_back().with_return()  # repeated
 
 LEAKING = """
 import sys
 from functools import partial
 import numpy as np
+
 from cfd_pneumatic.nodes.program import run
 from cfd_pneumatic.nodes.rig_node import RigNode
 from studies.panel.specimen import draw_specimen
@@ -72,7 +73,7 @@ specimen, _ = draw_specimen(np.random.default_rng(7))
 leaking = specimen.with_changes({'effects_a.leak_conductance': 1e-10})
 sys.exit(run('rig_node', partial(RigNode, leaking.rig)))
 """
-"""A program: `rig_node` with a hole in cylinder A."""
+"""Source of a program: `rig_node` with a hole in cylinder A."""
 
 
 def main() -> int:
@@ -94,46 +95,46 @@ def heading(text: str) -> None:
 
 
 def close_the_loop(output: Path) -> None:
-    """Record a device, find what its simulator lacks, set that on the simulator, and show the residual fall, live."""
+    """Record a device, find the missing effect, correct the simulator, and print the residual before and after."""
     log = output / 'nodes.log'
     with log.open('wb') as errors:
         try:
             before, after = run_graph(output / 'rig_bag', output / 'rig_identified', errors)
         except NodeError as error:
-            raise SystemExit(f'demo: {error}; what the nodes said is in {log}') from error
-    heading('Measured less simulated pressure, live')
-    for name, one, other in zip(CYLINDERS, before, after):
+            raise SystemExit(f'demo: {error}. The messages of the nodes are in {log}.') from error
+    heading('Measured minus simulated pressure while device and simulator run')
+    for name, error_before, error_after in zip(CYLINDERS, before, after):
         noise = Sensors().pressure_noise
-        print(f"{name}: {one:.0f} Pa before, {other:.0f} Pa after (the sensor's noise: {noise:.0f} Pa)")
-    print(f'The report, for a browser: {output / "rig_identified" / "report.html"}')
+        print(f'{name}: {error_before:.0f} Pa before, {error_after:.0f} Pa after (sensor noise: {noise:.0f} Pa)')
+    print(f'Open the report in a browser: {output / "rig_identified" / "report.html"}')
 
 
 def run_graph(bag: Path, results: Path, errors: IO[bytes]) -> tuple[list[float], list[float]]:
-    """Return each cylinder's live residual with the paper's model and with what it lacks [Pa]."""
-    heading('A device with a leak in cylinder A, of which nothing else is told, its simulator and a recorder')
+    """Return the residual of each cylinder with the paper's model and with the found effects [Pa]."""
+    heading('A device with an unknown leak in cylinder A, its simulator and a recorder run')
     with graph(bag, results, errors) as (client, recorder):
         # the recording has to end at rest
         client.until(lambda: len(client.pressures[DEVICE, CYLINDERS[0]]) > 0.98 * SCHEDULE.samples)
         end([recorder])
-        print(f'recorded: {bag}')
-        heading("The paper's model fitted to the recording, while device and simulator run on")
+        print(f'Recorded: {bag}')
+        heading("The identifier fits the paper's model to the recording")
         print(client.identify('report.json'))
         began = client.now
-        heading('What the model lacks')
-        client.answer(client.parameters.set_parameters([Parameter('close_loop', value=True)]))
+        heading('The identifier looks for missing effects')
+        client.result_of(client.parameters.set_parameters([Parameter('close_loop', value=True)]))
         print(client.identify('report.html').replace('. ', '.\n'), flush=True)
         return client.residuals(began), client.residuals(client.now)
 
 
 class NodeError(Exception):
-    """A node failed, or did nothing."""
+    """A node failed, or did not answer in time."""
 
 
 class Client(Node):
-    """Hears what is measured and simulated, and asks the identifier."""
+    """Receive measured and simulated pressures, and call the identifier."""
 
     def __init__(self) -> None:
-        """Listen."""
+        """Subscribe to the pressures and to the diagnostics."""
         super().__init__('demo')
         self.pressures: dict[tuple[str, str], dict[int, float]] = {}
         self.parameters = AsyncParameterClient(self, IDENTIFIER)
@@ -142,12 +143,12 @@ class Client(Node):
         self._executor = EventsExecutor()
         self._executor.add_node(self)
         for source, cylinder in itertools.product((DEVICE, SIM), CYLINDERS):
-            heard = self.pressures[source, cylinder] = {}
+            received = self.pressures[source, cylinder] = {}
             topic = f'{source}/{pressure_topic(cylinder)}'
-            self.create_subscription(FluidPressure, topic, partial(note, heard), OUTPUT_QOS)
-        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._hear, 10)
+            self.create_subscription(FluidPressure, topic, partial(store_pressure, received), OUTPUT_QOS)
+        self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._store_statuses, 10)
 
-    def _hear(self, array: DiagnosticArray) -> None:
+    def _store_statuses(self, array: DiagnosticArray) -> None:
         self._statuses.extend(array.status)
 
     @property
@@ -160,53 +161,55 @@ class Client(Node):
         limit = time.monotonic() + PATIENCE
         while not (result := condition()):
             if time.monotonic() > limit:
-                raise NodeError(f'nothing happened for {PATIENCE:.0f} s; is the machine busy? Run it again')
+                raise NodeError(
+                    f'a node did not answer within {PATIENCE:.0f} s. The machine may be busy. Run the demo again'
+                )
             self._executor.spin_once(timeout_sec=0.05)
         return result
 
-    def answer(self, asked: Future) -> Any:
-        """Return what a service answers."""
-        self.until(asked.done)
-        return asked.result()
+    def result_of(self, future: Future) -> Any:
+        """Wait for a service, and return its result."""
+        self.until(future.done)
+        return future.result()
 
     def identify(self, report: str) -> str:
-        """Have the recording identified; return what is said when the result is set on the simulator."""
+        """Have the recording identified; return the status message of the finished identification."""
         self.until(self._identify.service_is_ready)
-        answer = self.answer(self._identify.call_async(Trigger.Request()))
+        answer = self.result_of(self._identify.call_async(Trigger.Request()))
         if not answer.success:
             raise NodeError(answer.message)
         self._statuses.clear()
 
-        def tells(status: DiagnosticStatus) -> bool:
+        def is_final(status: DiagnosticStatus) -> bool:
             ended = status.level == DiagnosticStatus.ERROR or status.message.endswith(report)
             return ended and status.name.startswith(f'{IDENTIFIER}: ')
 
-        status = self.until(lambda: next(filter(tells, self._statuses), None))
+        status = self.until(lambda: next(filter(is_final, self._statuses), None))
         if status.level == DiagnosticStatus.ERROR:
             raise NodeError(status.message)
         return str(status.message)
 
     def residuals(self, since: int) -> list[float]:
-        """Return each cylinder's root mean square of measured less simulated over the schedule, after a stamp [Pa]."""
+        """Return each cylinder's RMS of measured minus simulated over a schedule after a stamp [Pa]."""
         begin = since + round(1e9 * SETTLING)
         last = begin + round(1e9 * SCHEDULE.duration)
         self.until(lambda: self.now > last)
-        found = []
+        residuals = []
         for cylinder in CYLINDERS:
             measured, simulated = (self.pressures[source, cylinder] for source in (DEVICE, SIM))
             stamps = [stamp for stamp in measured.keys() & simulated.keys() if begin < stamp <= last]
             errors = [measured[stamp] - simulated[stamp] for stamp in stamps]
-            found.append(math.sqrt(sum(error**2 for error in errors) / len(errors)))
-        return found
+            residuals.append(math.sqrt(sum(error**2 for error in errors) / len(errors)))
+        return residuals
 
 
-def note(heard: dict[int, float], message: FluidPressure) -> None:
-    heard[nanoseconds(message.header.stamp)] = message.fluid_pressure
+def store_pressure(received: dict[int, float], message: FluidPressure) -> None:
+    received[nanoseconds(message.header.stamp)] = message.fluid_pressure
 
 
 @contextmanager
 def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client, subprocess.Popen[bytes]]]:
-    """Run all nodes; the device plays its schedule over and over once the simulator and the recorder listen."""
+    """Run all nodes; the device repeats its schedule when simulator and recorder have subscribed."""
     record = {'output': bag, 'topics': f'[{",".join(RECORDED)}]'}
     folders = {'input_folders': f'[{bag.parent}]', 'output_folder': results.parent}
     identify = {'bags': f'[{bag}]', 'namespace': DEVICE, 'output_dir': results, 'apply_to': SIMULATOR, **folders}
@@ -219,10 +222,10 @@ def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client,
         ('-c', LEAKING, DEVICE, '-p', play),
     ]
     nodes = []
-    for option, program, namespace, flag, given in programs:
-        pairs = itertools.chain.from_iterable((flag, f'{name}:={value}') for name, value in given.items())
+    for option, program, namespace, flag, settings in programs:
+        pairs = itertools.chain.from_iterable((flag, f'{name}:={value}') for name, value in settings.items())
         command = [sys.executable, option, program, '--ros-args', '-r', f'__ns:={namespace}', *pairs]
-        # a group of its own: an interrupt reaches the demo, which then ends its nodes
+        # a separate session: an interrupt reaches only the demo, which then ends its nodes
         nodes.append(subprocess.Popen(command, stderr=errors, start_new_session=True))
     rclpy.init()
     client = Client()
@@ -230,12 +233,12 @@ def graph(bag: Path, results: Path, errors: IO[bytes]) -> Iterator[tuple[Client,
         yield client, nodes[0]
     finally:
         client.destroy_node()
-        rclpy.try_shutdown()  # which an interrupt has done
+        rclpy.try_shutdown()  # an interrupt has shut rclpy down already
         end(nodes)
 
 
 def end(nodes: Sequence[subprocess.Popen[bytes]]) -> None:
-    """End nodes as a user does."""
+    """End nodes by an interrupt, as a user does."""
     for node in nodes:
         if node.poll() is None:
             node.send_signal(signal.SIGINT)
@@ -245,18 +248,21 @@ def end(nodes: Sequence[subprocess.Popen[bytes]]) -> None:
 
 
 def identify_measured(output: Path) -> None:
-    """Identify a measured run, where it is."""
-    heading('What a measured recording of a real cylinder tells')
+    """Identify a measured run, if the measured data are present."""
+    heading('A measured recording of a cylinder is identified')
     if MEASURED_RUN.is_file():
         mapping = ROOT / 'config' / 'pneumatic_actuator.yaml'
         run('csv_to_bag', MEASURED_RUN, '--mapping', mapping, '--output', output / 'measured_bag')
         run('identify_bag', output / 'measured_bag', '--output', output / 'measured_identified')
     else:
-        print(f'left out: {MEASURED_RUN} is not here; CFD_PNEUMATIC_DATA names the folder that it is in (see README)')
+        print(
+            f'Skipped: {MEASURED_RUN} does not exist. '
+            'Set CFD_PNEUMATIC_DATA to the folder of the measured data (see README).'
+        )
 
 
 def run(program: str, *arguments: object) -> None:
-    """Run one of the offline programs; end the demo if it fails."""
+    """Run an offline program; end the demo if the program fails."""
     ended = subprocess.run(
         [sys.executable, '-m', f'cfd_pneumatic.commands.{program}', *map(str, arguments)], check=False
     )

@@ -39,7 +39,7 @@ PAIR = replace(
     kind='pairs',
     effects=('leakage', 'sensor_lag'),
     named=('sensor_lag', 'leakage'),
-    beside={'leakage': 1.9, 'sensor_lag': 2.0},
+    errors_without={'leakage': 1.9, 'sensor_lag': 2.0},
 )
 
 RUBS = replace(LEAK, kind='force', effects=('seal_friction',), named=('seal_friction',))
@@ -75,20 +75,20 @@ def test_the_first_name_answers(row, answer):
 
 
 def test_pairs_are_listed_both_ways_and_only_within_a_family():
-    assert panel_scores.listed('droop', 'leakage')
-    assert panel_scores.listed('droop', 'sensor_lag')
-    assert panel_scores.listed('sensor_lag', 'droop')
-    assert not panel_scores.listed('leakage', 'sensor_lag')
+    assert panel_scores.is_listed_pair('droop', 'leakage')
+    assert panel_scores.is_listed_pair('droop', 'sensor_lag')
+    assert panel_scores.is_listed_pair('sensor_lag', 'droop')
+    assert not panel_scores.is_listed_pair('leakage', 'sensor_lag')
     assert {name for _, names in panel_scores.GROUPS for name in names} <= {*LIBRARY, *ON_FORCE}
 
 
-def test_what_nobody_could_see_does_not_count():
+def test_effects_that_are_not_visible_do_not_count():
     hidden = replace(LEAK, before=1.15, named=(), verdict='no_missing_effect')
     assert LEAK.visible
     assert not hidden.visible
-    assert replace(LEAK, before=math.nan, verdict='refused').visible, 'a refusal is held against the loop'
+    assert replace(LEAK, before=math.nan, verdict='refused').visible, 'a refused recording counts as visible'
     assert PAIR.both_visible
-    assert not replace(PAIR, beside={'leakage': 1.01, 'sensor_lag': 2.0}).both_visible
+    assert not replace(PAIR, errors_without={'leakage': 1.01, 'sensor_lag': 2.0}).both_visible
     (goal, *_) = panel_scores.goals([LEAK, LEAK, hidden])
     assert (goal.recordings, goal.met) == (2, True)
 
@@ -118,7 +118,7 @@ def test_shares_have_wilsons_interval():
     assert str(Share(0, 0)) == '-'
 
 
-def test_the_goals_stand_beside_what_was_measured():
+def test_goals_are_compared_with_measured_values():
     rows = [
         LEAK,
         replace(LEAK, effects=('droop',), named=('heat_transfer',), after_test=1.5),
@@ -129,10 +129,10 @@ def test_the_goals_stand_beside_what_was_measured():
         RUBS,
         replace(RUBS, kind='clean_force', effects=()),
     ]
-    found = {goal.what: goal for goal in panel_scores.goals(rows)}
+    found = {goal.description: goal for goal in panel_scores.goals(rows)}
 
     def met(start: str) -> bool:
-        return next(goal.met for what, goal in found.items() if what.startswith(start))
+        return next(goal.met for description, goal in found.items() if description.startswith(start))
 
     assert not met('right name first')
     assert not met('test error after')
@@ -198,7 +198,7 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
     first, measured[:] = list(measured), []
     assert benchmark_effects.main(arguments) == 0
     assert len({*first, *measured}) == len(first) + len(measured) == 6
-    assert '6 recordings, 2 of them still to be measured' in capsys.readouterr().out
+    assert '6 recordings, 2 of them are not measured yet' in capsys.readouterr().out
     text = output.read_text()
     assert '| quantised | `paper_step` | 2 | 0 |' in text
     assert text.endswith('## Notes\n\nBy hand.\n')
@@ -263,7 +263,7 @@ def test_devices_with_all_of_their_physics_have_goals_of_their_own():
     assert '`silencer`, own' in text
 
 
-def test_the_core_alone_is_what_a_whole_device_is_seen_beside():
+def test_the_core_is_the_baseline_of_devices_with_full_physics():
     row = panel_rows.measure(Job('healthy_whole', (), 'out_and_back', 7))
     assert (row.verdict, row.named) == ('no_missing_effect', ())
     assert row.before_test == pytest.approx(1.0, abs=0.1)

@@ -27,7 +27,7 @@ def forces(along, error):
     """Return what a model of the device predicts along a path [N]."""
     device = example.device_of(None)
     setpoints = device.model.setpoints(FORCE, 70e3)
-    return example.predict(device, example.piston_course(np.array(along), np.array(error), 0.05), setpoints)
+    return example.predict(device, example.piston_motion(np.array(along), np.array(error), 0.05), setpoints)
 
 
 @pytest.fixture(scope='module')
@@ -57,7 +57,7 @@ def test_the_picture_shows_surface_and_force(folder):
 @given(st.lists(st.floats(-2e-3, 2e-3), min_size=2, max_size=12), st.floats(0.01, 0.2))
 def test_the_piston_reaches_as_far_as_the_surface_lies_behind(errors, feed):
     along = 0.02 * np.arange(len(errors))
-    course = example.piston_course(along, np.array(errors), feed)
+    course = example.piston_motion(along, np.array(errors), feed)
     at = np.interp(example.REST + along / feed, course.times, course.displacement)
     fastest = np.max(np.abs(course.velocity))
     np.testing.assert_allclose(at, np.array(errors) - errors[0], atol=fastest * example.PERIOD + 1e-12)
@@ -86,12 +86,12 @@ def test_an_own_table_is_followed_with_an_identified_device(tmp_path):
 @pytest.mark.parametrize(
     ('text', 'arguments', 'words'),
     [
-        ('x,y\n0,0\n1,0\n', [], 'its first line is to be along_m,error_m'),
-        ('along_m,error_m\n0,0\n0,1e-3\n', [], 'along_m is to grow'),
-        ('along_m,error_m\n0,a\n', [], 'give a table of numbers'),
-        (table([0.0, 0.1], [0.0, 9e-3]), [], 'strays by 0.009 m, the piston reaches 0.00635 m'),
-        (table([0.0, 0.1], [0.0, 0.0]), ['--feed', '0'], '--feed 0 m/s'),
-        (table([0.0, 0.1], [0.0, 0.0]), ['--force', '900'], 'choose a force nearer to 0'),
+        ('x,y\n0,0\n1,0\n', [], 'The first line must be along_m,error_m'),
+        ('along_m,error_m\n0,0\n0,1e-3\n', [], 'along_m must increase'),
+        ('along_m,error_m\n0,a\n', [], 'Give a table of numbers'),
+        (table([0.0, 0.1], [0.0, 9e-3]), [], 'deviates by 0.009 m, but the piston reaches only 0.00635 m'),
+        (table([0.0, 0.1], [0.0, 0.0]), ['--feed', '0'], '--feed must be a positive speed, is 0 m/s'),
+        (table([0.0, 0.1], [0.0, 0.0]), ['--force', '900'], 'Choose a force closer to 0'),
     ],
 )
 def test_what_cannot_be_followed_is_one_line(tmp_path, capsys, text, arguments, words):

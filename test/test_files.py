@@ -21,7 +21,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import staging as files
 from cfd_pneumatic.files.staging import check_folder, exclusive_access, staged_output, write_text
 from cfd_pneumatic.recording import BagWriter
-from studies.trials.crashes import SCENARIOS, calls_of, tried
+from studies.trials.crashes import SCENARIOS, calls_of, try_scenario
 
 TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 
@@ -234,7 +234,7 @@ def test_killed_anywhere_or_without_room_a_program_leaves_the_old_or_the_new(tmp
     (scenario,) = (one for one in SCENARIOS if one.name == f'csv_to_bag --overwrite {where}')
     scenario.prepare(tmp_path)
     calls = random.Random(17).sample(calls_of(scenario, tmp_path), 3)
-    outcome = tried(scenario, calls, sizes=[1000])
+    outcome = try_scenario(scenario, calls, sizes=[1000])
     assert outcome.faults == []
     assert outcome.kills == 3
 

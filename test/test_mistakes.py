@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from studies.trials.mistakes import LEFT_OUT, MEASURED, MISTAKES, answer, is_told, warnings_of_clean
+from studies.trials.mistakes import LEFT_OUT, MEASURED, MISTAKES, answer, is_reported, warnings_of_clean
 
 TOO_LARGE = ('everything in bar', 'set-points absolute')
 """What no device holds ends in a report with a warning all the same."""
@@ -24,13 +24,13 @@ What only the physical core sees of devices of full physics is for `identificati
 """
 
 SAMPLED = 3
-OTHERS = [one for one in MISTAKES if (one.on, one.what) not in TRIED and one.on != 'real']
-CHOSEN = [one for one in MISTAKES if (one.on, one.what) in TRIED] + random.Random(16).sample(OTHERS, SAMPLED)
+OTHERS = [one for one in MISTAKES if (one.table, one.description) not in TRIED and one.table != 'real']
+CHOSEN = [one for one in MISTAKES if (one.table, one.description) in TRIED] + random.Random(16).sample(OTHERS, SAMPLED)
 
 
 def test_there_are_many_mistakes():
     assert len(MISTAKES) >= 40
-    assert len({(one.on, one.what) for one in MISTAKES}) == len(MISTAKES)
+    assert len({(one.table, one.description) for one in MISTAKES}) == len(MISTAKES)
     assert len(CHOSEN) == len(TRIED) + SAMPLED
     codes = {code for one in MISTAKES for code in one.codes} - {
         'changed_during_recording',
@@ -39,13 +39,13 @@ def test_there_are_many_mistakes():
     assert codes <= {code for one in CHOSEN for code in one.codes}
 
 
-@pytest.mark.parametrize('mistake', CHOSEN, ids=lambda one: f'{one.on}: {one.what}')
+@pytest.mark.parametrize('mistake', CHOSEN, ids=lambda one: f'{one.table}: {one.description}')
 def test_a_mistake_is_noticed(mistake):
-    if mistake.on == 'measured' and not MEASURED.is_file():
+    if mistake.table == 'measured' and not MEASURED.is_file():
         pytest.skip('the measured recordings are not to be had here')
     said = answer(mistake)
-    assert is_told(mistake, said), said
-    if mistake.what in TOO_LARGE:
+    assert is_reported(mistake, said), said
+    if mistake.description in TOO_LARGE:
         assert 'error' not in said.codes
 
 

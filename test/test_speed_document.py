@@ -71,8 +71,10 @@ def told(**changes: tuple[float, dict] | None) -> dict:
 
 def verdicts(run: dict) -> dict[str, bool | None]:
     """Return for each work whether its promise is kept."""
-    lines = document.lines_of(Run(run))
-    return {f'{one.work}; {one.reach}; {found.peer.partition(":")[0]}': found.kept for one, found in lines}
+    lines = document.outcomes_of(Run(run))
+    return {
+        f'{promise.work}; {promise.limit}; {outcome.peer.partition(":")[0]}': outcome.kept for promise, outcome in lines
+    }
 
 
 def test_a_run_that_keeps_every_promise():
@@ -148,5 +150,5 @@ def test_the_document_says_what_is_missed_and_what_was_not_measured(tmp_path):
 
 def test_without_figures_it_says_how_to_get_them(tmp_path, capsys):
     assert document.main(['--benchmark', str(tmp_path / 'none.json'), '--output', str(tmp_path / 'speed.md')]) == 2
-    assert 'run make benchmark first' in capsys.readouterr().err
+    assert 'Run make benchmark first' in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How often the 95 % intervals of the gains hold the truth, and where the estimates lie: `make coverage`.
+Measure how often the 95 % intervals of the gains contain the true values: `make coverage`.
 
-The truth is made of equations (8) and (12), or of a chamber and two orifices, by Runge and Kutta's method, from
-displacements that are smooth functions of time: nothing of the package's model is in it. Each of the paper's rows takes
-turns. The sensors are the rig's.
+Equations (8) and (12), or a chamber with two orifices, give the true pressures from smooth displacements by the
+Runge-Kutta method. This simulation shares no code with the package's model. The gains are the rows of the paper's
+Table 1 in turn. The sensors are the rig's.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ Motion = Callable[[Array], Array]
 DOCUMENT = ROOT / 'docs' / 'coverage.md'
 CHANNEL = Pressure('cylinder_a', AMBIENT_PRESSURE)
 PERIOD = 2e-3  # [s]
-BEFORE = 49 * PERIOD  # the trigger [s]
+BEFORE = 49 * PERIOD  # time before the trigger [s]
 STEP = 60e-3 * INCH  # [m]
 SURFACE = 0.8e-3  # standard deviation [m]
 FREQUENCIES = (0.2, 8.0)  # of a surface [Hz]
-WAVES = 12
+SINES = 12  # of a surface
 SUBSTEPS = 20  # of a sample
-LEAD = 100  # samples before the recording begins: a surface is under way then
-TOGETHER = 20  # recordings that are simulated side by side, of one device
+LEAD = 100  # samples before the recording begins, so that it begins in motion
+TOGETHER = 20  # recordings of a device, simulated in one call
 CRITICAL_RATIOS = (0.25, 0.55)  # of the orifices of physical devices [-]
 EXPONENTS = (1.2, 1.4)  # of their air [-]
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of recording: its motion, its length in samples, and the bits of its converters, 0 for none."""
+    """A kind of recording: its motion, its length in samples, and the bits of its converters (0: not rounded)."""
 
     name: str
     motion: Callable[[np.random.Generator], Motion]
@@ -61,7 +61,7 @@ class Kind:
 
 
 def _steps(times: Sequence[float], durations: Sequence[float]) -> Motion:
-    """Return steps out and back, each half a cosine."""
+    """Return steps out and back; each step is half a cosine."""
 
     def displacement(at: Array) -> Array:
         found = np.zeros_like(at)
@@ -74,20 +74,20 @@ def _steps(times: Sequence[float], durations: Sequence[float]) -> Motion:
 
 
 def step(rng: np.random.Generator) -> Motion:
-    """Return the paper's step, of 3 to 7 samples."""
+    """Return the paper's step with a duration of 3 to 7 samples."""
     return _steps([BEFORE + PERIOD * rng.random()], [PERIOD * rng.uniform(3.0, 7.0)])
 
 
 def strokes(rng: np.random.Generator) -> Motion:
-    """Return strokes out and back, as quick, with rests of 0.25 to 0.45 s."""
+    """Return strokes out and back of 3 to 7 samples each, with rests of 0.25 to 0.45 s."""
     begins = BEFORE + np.cumsum(rng.uniform(0.25, 0.45, 8))
     return _steps(begins.tolist(), (PERIOD * rng.uniform(3.0, 7.0, begins.size)).tolist())
 
 
 def surface(rng: np.random.Generator) -> Motion:
-    """Return the motion over a surface: waves of all lengths."""
-    omega = 2.0 * np.pi * np.exp(rng.uniform(math.log(FREQUENCIES[0]), math.log(FREQUENCIES[1]), WAVES))
-    phase, height = rng.uniform(0.0, 2.0 * np.pi, WAVES), SURFACE * math.sqrt(2.0 / WAVES)
+    """Return the motion over a surface: a sum of sines with random frequencies."""
+    omega = 2.0 * np.pi * np.exp(rng.uniform(math.log(FREQUENCIES[0]), math.log(FREQUENCIES[1]), SINES))
+    phase, height = rng.uniform(0.0, 2.0 * np.pi, SINES), SURFACE * math.sqrt(2.0 / SINES)
     return lambda at: height * np.sin(np.multiply.outer(at, omega) + phase).sum(axis=-1)
 
 
@@ -114,17 +114,18 @@ class Linear:
         error = self.setpoint - p_f
         return np.array([np.where(error > 0.0, k_sv, k_v) * error - k_x * rate, (p - p_f) / tau])
 
-    def told(self, found: Fit) -> tuple[Sequence[Estimate], Array]:
-        """Return the estimates of the gains, and what they should be."""
-        return found.estimates, self.gains
+    def estimates_and_truth(self, fit: Fit) -> tuple[Sequence[Estimate], Array]:
+        """Return the estimates of the gains and the true gains."""
+        return fit.estimates, self.gains
 
 
 class Orifices(Linear):
     """
-    A chamber between two orifices that open with the error, polytropic, sensed through a laminar tube.
+    A polytropic chamber between two orifices that open with the error, sensed through a laminar tube.
 
-    The gains hold at the set-point and where the piston begins. Flow is that of ISO 6358. Critical ratio and exponent
-    are drawn around what the core's prior holds: an interval with a prior covers over such devices, not for each.
+    The gains hold at the set-point and at the piston's initial position. The flow follows ISO 6358. Critical ratio and
+    exponent are random about the core's prior: intervals with a prior have their coverage over such devices, not for
+    each device.
     """
 
     name = 'physical'
@@ -135,20 +136,20 @@ class Orifices(Linear):
         self.critical, self.exponent = rng.uniform(*CRITICAL_RATIOS), rng.uniform(*EXPONENTS)
 
     def flows(self, p: Any) -> tuple[Any, Any]:
-        """Return what passes either orifice, against what passes at the set-point [-]."""
+        """Return the flows of both orifices divided by the flows at the set-point [-]."""
         return (
             self._choked(self.supply, p) / self._choked(self.supply, self.setpoint),
             self._choked(p, self.exhaust) / self._choked(self.setpoint, self.exhaust),
         )
 
     def _choked(self, upstream: Any, downstream: Any) -> Any:
-        """Return what passes an orifice, as the upstream pressure of which as much is choked [Pa]."""
+        """Return the flow of an orifice as the upstream pressure with an equal choked flow [Pa]."""
         beyond = np.maximum(downstream / upstream - self.critical, 0.0) / (1.0 - self.critical)
         return upstream * np.sqrt(1.0 - beyond**2)
 
     @property
     def length(self) -> float:
-        """Of the chamber where the piston begins [m]."""
+        """Length of the chamber at the piston's initial position [m]."""
         return float(self.exponent * self.setpoint / self.gains[0])
 
     def slope(self, state: Array, x: Array, rate: Array) -> Array:
@@ -160,47 +161,47 @@ class Orifices(Linear):
         flow = np.where(error > 0.0, k_sv * charged, k_v * vented) * error * self.length / length
         return np.array([flow - self.exponent * p / length * rate, (p**2 - p_f**2) / (2.0 * tau * self.setpoint)])
 
-    def told(self, found: Fit) -> tuple[Sequence[Estimate], Array]:
-        """Return the estimates of the gains beside the core, and what they should be at its reference."""
-        beside = with_core(found)
-        pressure, position, *_ = beside.model.core['physical_core']
+    def estimates_and_truth(self, fit: Fit) -> tuple[Sequence[Estimate], Array]:
+        """Return the estimates of the gains with the core, and the true gains at the core's reference."""
+        core_fit = with_core(fit)
+        pressure, position, *_ = core_fit.model.core['physical_core']
         length = self.length + position
-        charged, vented = (one * self.length / length for one in self.flows(np.asarray(pressure)))
+        charged, vented = (flow * self.length / length for flow in self.flows(np.asarray(pressure)))
         _, k_sv, k_v, tau = self.gains
         truth = [self.exponent * pressure / length, k_sv * charged, k_v * vented, tau * self.setpoint / pressure]
-        return beside.estimates, np.array(truth)
+        return core_fit.estimates, np.array(truth)
 
 
-DEVICES = {one.name: one for one in (Linear, Orifices)}
+DEVICES = {device.name: device for device in (Linear, Orifices)}
 COUNTS = {'linear': 1000, 'physical': 300}
 """Recordings of each kind: a fit with the physical core takes ten times as long."""
 
 
 def pressures(device: Linear, motions: Sequence[Motion], samples: int) -> Array:
-    """Return pressures at samples, from rest some time before the first, shape (samples, motions) [Pa]."""
+    """Return pressures at samples, from rest `LEAD` samples earlier, shape (samples, motions) [Pa]."""
     h = PERIOD / SUBSTEPS
     halves = 0.5 * h * np.arange(2 * SUBSTEPS * (LEAD + samples - 1) + 1) - LEAD * PERIOD
-    x = np.column_stack([one(halves) for one in motions])
-    moved = x, np.gradient(x, 0.5 * h, axis=0)
+    x = np.column_stack([motion(halves) for motion in motions])
+    motion_values = x, np.gradient(x, 0.5 * h, axis=0)
     state = np.full((2, len(motions)), device.setpoint)
-    found = [state[0]]
+    results = [state[0]]
     for begin in range(0, len(halves) - 1, 2):
-        first, middle, last = zip(*(one[begin : begin + 3] for one in moved))
+        first, middle, last = zip(*(values[begin : begin + 3] for values in motion_values))
         a = device.slope(state, *first)
         b = device.slope(state + 0.5 * h * a, *middle)
         c = device.slope(state + 0.5 * h * b, *middle)
         d = device.slope(state + h * c, *last)
         state = state + h / 6.0 * (a + 2.0 * (b + c) + d)
         if (begin + 2) % (2 * SUBSTEPS) == 0:
-            found.append(state[0])
-    return np.array(found[LEAD:])
+            results.append(state[0])
+    return np.array(results[LEAD:])
 
 
-def scored(job: tuple[int, int, str]) -> Array:
-    """Return for some seeds of a kind by how many standard errors each gain is off, shape (seeds, gains)."""
+def gain_errors(job: tuple[int, int, str]) -> Array:
+    """Return the errors of the gains in standard errors for seeds of a kind, shape (seeds, gains)."""
     kind, first, core = KINDS[job[0]], *job[1:]
-    psig, k_x, *others = TABLE_1_ROWS[first // TOGETHER % len(TABLE_1_ROWS)]
-    gains, setpoint = np.array([k_x * PSI_PER_INCH, *others]), AMBIENT_PRESSURE + psig * PSI
+    psig, k_x, *further_gains = TABLE_1_ROWS[first // TOGETHER % len(TABLE_1_ROWS)]
+    gains, setpoint = np.array([k_x * PSI_PER_INCH, *further_gains]), AMBIENT_PRESSURE + psig * PSI
     device = DEVICES[core](gains, setpoint, np.random.default_rng([job[0], first, 1]))
     draws = [np.random.default_rng([job[0], seed]) for seed in range(first, first + TOGETHER)]
     motions = [kind.motion(rng) for rng in draws]
@@ -212,32 +213,34 @@ def scored(job: tuple[int, int, str]) -> Array:
         moved = Signal(times, sensors.measure_displacement(displacement(times), rng))
         cylinder = CylinderSignals(Signal(times, sensors.measure_pressure(pressure, rng)), None)
         recording = Recording('made', 0, moved, {CHANNEL.name: cylinder}, None, ())
-        estimates, truth = device.told(fit_model(CHANNEL, prepare_recordings([recording]).experiments(CHANNEL)))
+        estimates, truth = device.estimates_and_truth(
+            fit_model(CHANNEL, prepare_recordings([recording]).experiments(CHANNEL))
+        )
         rows.append(
             [
-                math.nan if one.value is None or not one.std else (one.value - gain) / one.std
-                for one, gain in zip(estimates, truth.tolist())
+                math.nan if estimate.value is None or not estimate.std else (estimate.value - gain) / estimate.std
+                for estimate, gain in zip(estimates, truth.tolist())
             ]
         )
     return np.array(rows)
 
 
-def line(name: str, off: Array) -> tuple[str, ...]:
-    """Return a kind's line: how often each gain is held, and the mean, in standard errors."""
-    held = [f'{100.0 * np.mean(np.abs(one[np.isfinite(one)]) < _REACH):.1f}' for one in off.T]
-    means = [f'{np.nanmean(one):+.2f}' for one in off.T]
-    return name, str(len(off)), *held, *means
+def line(name: str, errors: Array) -> tuple[str, ...]:
+    """Return the line of a kind: coverage of each gain, and mean errors in standard errors."""
+    coverage = [f'{100.0 * np.mean(np.abs(column[np.isfinite(column)]) < _REACH):.1f}' for column in errors.T]
+    means = [f'{np.nanmean(column):+.2f}' for column in errors.T]
+    return name, str(len(errors)), *coverage, *means
 
 
 _REACH = 1.96  # standard errors: half a 95 % interval of many samples
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Fit the recordings, write the table."""
+    """Fit the recordings and write the table."""
     parser = argparse.ArgumentParser(prog='coverage', description=__doc__)
     for core, count in COUNTS.items():
-        told = f'of each kind of {core} devices, {count} by default'
-        parser.add_argument(f'--{core}', type=int, nargs=2, default=(0, count), metavar=('FIRST', 'END'), help=told)
+        text = f'seeds of each kind of {core} devices (default: 0 {count})'
+        parser.add_argument(f'--{core}', type=int, nargs=2, default=(0, count), metavar=('FIRST', 'END'), help=text)
     seeds = vars(parser.parse_args(arguments))
     jobs = [
         (kind, seed, core)
@@ -245,20 +248,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for kind in range(len(KINDS))
         for seed in range(first, end, TOGETHER)
     ]
-    off = defaultdict(list)
-    for some, (kind, _, core) in zip(side_by_side(scored, jobs, 'coverage'), jobs):
-        off[core, kind].append(some)
-    lines = [line(f'{core}: {KINDS[kind].name}', np.concatenate(some)) for (core, kind), some in off.items()]
-    header = ('recordings', 'how many', *(f'{name} held [%]' for name in NAMES), *(f'{name} off' for name in NAMES))
-    given = ' '.join(f'--{core} {first} {end}' for core, (first, end) in seeds.items())
+    errors = defaultdict(list)
+    for chunk, (kind, _, core) in zip(side_by_side(gain_errors, jobs, 'coverage'), jobs):
+        errors[core, kind].append(chunk)
+    lines = [line(f'{core}: {KINDS[kind].name}', np.concatenate(chunks)) for (core, kind), chunks in errors.items()]
+    header = ('recordings', 'number', *(f'{name} covered [%]' for name in NAMES), *(f'{name} error' for name in NAMES))
+    chosen_options = ' '.join(f'--{core} {first} {end}' for core, (first, end) in seeds.items())
     page = (
         '# Coverage\n\n'
-        'How often the 95 % intervals of the gains hold the truth, and by how many standard errors the estimates are '
-        'off in the mean. The truth is of another integrator and of smooth motions, sampled at 2 ms; the six rows of '
-        "the paper's Table 1 in turn; linear devices, and physical ones, which are fitted with the physical core; "
-        f'their critical ratios are drawn from {CRITICAL_RATIOS[0]} to {CRITICAL_RATIOS[1]}, their exponents from '
-        f'{EXPONENTS[0]} to {EXPONENTS[1]}, one device for every {TOGETHER} recordings. '
-        f"Written by `make coverage ARGS='{given}'`.\n\n"
+        'How often the 95 % intervals of the gains contain the true values, and the mean errors of the estimates in '
+        'standard errors. An independent integrator simulates smooth motions, sampled at 2 ms. The gains are the six '
+        "rows of the paper's Table 1 in turn. Linear devices are fitted with the linear model, physical devices with "
+        f'the physical core. Critical ratios are random from {CRITICAL_RATIOS[0]} to {CRITICAL_RATIOS[1]}, exponents '
+        f'from {EXPONENTS[0]} to {EXPONENTS[1]}; each device gives {TOGETHER} recordings. '
+        f"Written by `make coverage ARGS='{chosen_options}'`.\n\n"
         f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}\n'
     )
     write_text(DOCUMENT, page)

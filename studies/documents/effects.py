@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Every physical effect, and how it shows: make effects-document writes docs/effects.md and docs/effects/*.svg.
+Document every physical effect: make effects-document writes docs/effects.md and docs/effects/*.svg.
 
-What is written comes from the effects' own files. The pictures come from the virtual rig, which has physics of its own:
-a device with the effect in it, less the model of the device without.
+The text comes from the effects' files. The pictures come from the virtual rig, which shares no physics with the model.
+They show a device with the effect, minus the model of the healthy device.
 """
 
 from __future__ import annotations
@@ -39,91 +39,95 @@ PICTURES = ROOT / 'docs' / 'effects'
 
 CYLINDER = 'cylinder_a'
 SEED = 9
-"""Of a device whose seal lifts both ways, and whose pressures come late rather than early."""
+"""Seed of a device with a seal that lifts in both directions and with late pressures."""
 
 SCHEDULE = surface_following(9.0 * PSI, 1.8e-3, setpoint_steps=3.0 * PSI, bandwidth=6.0, duration=24.0, seed=1)
 SHOWN = 5.0
-"""How much of it is drawn over time [s]."""
+"""Duration of the plots over time [s]."""
 
 STRENGTH = 0.75
-"""Where between its weakest and its strongest an effect is drawn, on a logarithmic scale."""
+"""Strength of a plotted effect: 0 is the weakest, 1 the strongest, on a logarithmic scale."""
 
 EVERY = 20
-"""Of so many samples one is a dot."""
+"""Number of samples for each dot."""
 
 HEALTHY, REFITTED = '#1f77b4', '#ff7f0e'
 
 SYMBOLS = r"""
 | symbol | meaning |
 | --- | --- |
-| $x$ | measured displacement; it grows the chamber |
+| $x$ | measured displacement; a positive displacement enlarges the chamber |
 | $p$ | pressure in the cylinder |
 | $p_f$ | pressure that the regulator senses; $p_r$ at its outlet |
 | $p_d$ | set-point |
 | $p_0$ | ambient pressure |
 | $e$ | valve error, $p_d - p_f$ |
-| $q$ | pressure rate that the valve's flow makes, $K\,e$ |
+| $q$ | pressure rate of the valve's flow, $K\,e$ |
 | $s$ | pressure that the sensor reads |
 | $F$ | contact force |
 | $\psi(r)$ | flow function of ISO 6358: 1 up to $r = 0.528$, then $\sqrt{1 - ((r - 0.528) / 0.472)^2}$ |
 """.strip()
 
 
-# what is written
+# text
 
 
 def document() -> str:
-    """Return the document in Markdown; it needs no simulation."""
+    """Return the document in Markdown, without a simulation."""
     return '\n\n'.join([*_opening(), *(part for name in sorted(EFFECTS) for part in _section(name)), _more()]) + '\n'
 
 
 def _opening() -> Iterator[str]:
     yield '# Physical effects'
     yield (
-        "What the paper's model lacks, by its standard names. Each effect is switched on by itself; where it is off, "
-        "the model is the [paper's](model.md). Written by `make effects-document` from `cfd_pneumatic/model/effects`; "
-        '[adding_an_effect.md](adding_an_effect.md) shows how to add one. Pressures are absolute. A stroke marks what '
-        'an effect has changed, and an arrow what remains from step to step:'
+        "The effects that the [paper's model](model.md) lacks, by their textbook names. Each effect has its own "
+        "switch; without effects the model is the paper's. Written by `make effects-document` from "
+        '`cfd_pneumatic/model/effects`. [adding_an_effect.md](adding_an_effect.md) shows how to add an effect. '
+        'Pressures are absolute. A prime marks a quantity that an effect has changed. An arrow marks an update of a '
+        'state from step to step:'
     )
     yield SYMBOLS
     yield (
-        'The pictures show the virtual rig as it follows a surface, with a step of the set-point now and then and one '
-        'effect in it. *Healthy model*, blue: measured less the model that was identified without the effect, as '
-        '`monitor_node` sees it. *Fitted again*, orange: what is left when the four gains have been fitted to the '
-        'recording with the effect, as `identify_bag` sees it; where it is much smaller, they have taken the effect '
-        'up, and livelier motion has to show it. Noise alone has a standard deviation of '
-        f'{Sensors.pressure_noise:.0f} Pa, and of {Sensors.force_noise:g} N. On the right, what sticks out is left '
-        'away.'
+        'The pictures show the virtual rig with one effect. The rig follows a surface, and the set-point steps '
+        'occasionally. *Healthy model*, blue: measured minus simulated by the model that was identified without the '
+        'effect, as `monitor_node` computes the residual. *Fitted again*, orange: the residual after the four gains '
+        'were fitted to the recording with the effect, as in `identify_bag`. If the orange residual is much smaller, '
+        'the gains compensate for the effect; only faster motion can show it. Noise alone has a standard deviation of '
+        f'{Sensors.pressure_noise:.0f} Pa and {Sensors.force_noise:g} N. Outliers are not plotted on the right.'
     )
     rows = [
         [f'[`{name}`](#{name})', effect.description, _place(name), effect.seen_against]
         for name, effect in sorted(EFFECTS.items())
     ]
-    yield table(['effect', 'what it is', 'acts on', 'shows against'], rows)
+    yield table(['effect', 'description', 'acts on', 'visible against'], rows)
 
 
 def _place(name: str) -> str:
-    """Return what an effect changes."""
-    found = [words.split(';')[0] for function, words in FUNCTIONS.items() if hasattr(MODULES[name], function)]
-    return '; '.join(found) or 'time at which the pressure is read [s]'
+    """Return the quantities that an effect changes."""
+    places = [text.split(';')[0] for function, text in FUNCTIONS.items() if hasattr(MODULES[name], function)]
+    return '; '.join(places) or 'time at which the pressure is read [s]'
 
 
 def _section(name: str) -> Iterator[str]:
     effect = EFFECTS[name]
     yield f'## {name}'
-    said, path = effect.description, MODULES[name].__name__.replace('.', '/')
-    yield f'{said[0].upper()}{said[1:]}. ([code](../{path}.py))'
+    description, path = effect.description, MODULES[name].__name__.replace('.', '/')
+    yield f'{description[0].upper()}{description[1:]}. ([code](../{path}.py))'
     yield '```math\n' + _latex(effect) + '\n```'
     rows = []
-    for one in effect.parameters:
-        searched = 'no: starting values only' if one.choice else 'in its logarithm' if one.logarithmic else 'as it is'
+    for parameter in effect.parameters:
+        scale = 'logarithmic' if parameter.logarithmic else 'linear'
+        limits = f'{parameter.lower:g} to {parameter.upper:g}'
+        searched = 'no: starting values only' if parameter.choice else scale
         rows.append(
-            [code(one.name), one.unit, one.description, f'{one.lower:g} to {one.upper:g}', f'{one.null:g}', searched]
+            [code(parameter.name), parameter.unit, parameter.description, limits, f'{parameter.null:g}', searched]
         )
     yield table(['parameter', 'unit', 'meaning', 'range', 'off at', 'searched'], rows)
-    others = dict.fromkeys(other for family in effect.families for other in FAMILIES[family] if other != name)
-    taken = ', '.join(f'[`{other}`](#{other})' for other in others) or 'none of these, where the recording is lively'
-    yield f'- Acts on: {_place(name)}\n- To see it, record: {effect.advice}\n- May be taken for: {taken}'
+    similar = dict.fromkeys(member for family in effect.families for member in FAMILIES[family] if member != name)
+    links = (
+        ', '.join(f'[`{member}`](#{member})' for member in similar) or 'no effect, if the recording has enough motion'
+    )
+    yield f'- Acts on: {_place(name)}\n- To show the effect, record: {effect.advice}\n- May be mistaken for: {links}'
     if name in ON_RIG:
         yield f'![How {name} shows]({PICTURES.name}/{name}.svg)'
         installed = ON_RIG[name]
@@ -134,11 +138,11 @@ def _section(name: str) -> Iterator[str]:
 
 
 def _latex(effect: Effect) -> str:
-    """Return its equations, one below the other, with its parameters' names set as words."""
-    names = '|'.join(re.escape(one.name) for one in effect.parameters)
+    """Return the equations of an effect, one per line, with the parameters' names in italic text."""
+    names = '|'.join(re.escape(parameter.name) for parameter in effect.parameters)
 
-    def word(found: re.Match[str]) -> str:
-        return r'\mathit{' + found[0].replace('_', r'\_') + '}'
+    def word(match: re.Match[str]) -> str:
+        return r'\mathit{' + match[0].replace('_', r'\_') + '}'
 
     lines = [re.sub(rf'(?<![\\\w])({names})(?!\w)', word, line) for line in effect.equations]
     return lines[0] if len(lines) == 1 else '\\begin{gathered}\n' + ' \\\\\n'.join(lines) + '\n\\end{gathered}'
@@ -146,24 +150,26 @@ def _latex(effect: Effect) -> str:
 
 def _more() -> str:
     return (
-        '## What else is known of them\n\n'
-        'How often each is named, and for which it is taken, is measured in [effects_panel.md](effects_panel.md); what '
-        'a planned experiment would show in [planning.md](planning.md).'
+        '## Measurements of the effects\n\n'
+        '[effects_panel.md](effects_panel.md) reports how often each effect is named, and the effects that are named '
+        'instead. [planning.md](planning.md) reports which strengths a planned experiment shows.'
     )
 
 
-# what is drawn
+# pictures
 
 
-class Seen(NamedTuple):
-    """How an effect shows, at samples of the rig."""
+class EffectSignals(NamedTuple):
+    """Residuals of an effect, and the signals to plot them against, at samples of the rig."""
 
     residual: Array
-    """By the model of the healthy device [Pa or N]."""
+    """Measured minus simulated by the model of the healthy device [Pa or N]."""
 
     refitted: Array | None
+    """Measured minus simulated by the refitted model [Pa]; None for the force."""
+
     signals: dict[str, Array]
-    """What it may be seen against beside the motion, in SI units."""
+    """Signals other than the motion that the residual may be plotted against, in SI units."""
 
 
 AXES = {
@@ -176,7 +182,7 @@ AXES = {
     'pressure rate': ('pressure rate [kPa/s]', 1e3),
     'valve error': ('set-point less pressure [kPa]', 1e3),
 }
-"""Label, and the unit in SI, of what an effect may be seen against."""
+"""Axis label, and the label's unit in SI, of each signal to plot against."""
 
 STYLE = {
     'svg.fonttype': 'none',
@@ -195,9 +201,9 @@ def _strength(name: str) -> float:
     return float(effect.weakest ** (1.0 - STRENGTH) * effect.strongest**STRENGTH)
 
 
-def _in_pressure(drawn: Draw, healthy: ChannelResult) -> Seen:
-    found = _identified(drawn)
-    (experiment,) = found.experiments
+def _in_pressure(drawn: Draw, healthy: ChannelResult) -> EffectSignals:
+    result = _identified(drawn)
+    (experiment,) = result.experiments
     (expected,) = healthy.channel.simulated([experiment], healthy.fit.model)
     (level,) = healthy.channel.levels([experiment], healthy.fit.model)
     signals = {
@@ -205,13 +211,13 @@ def _in_pressure(drawn: Draw, healthy: ChannelResult) -> Seen:
         'pressure rate': np.gradient(expected, experiment.sample_times),
         'valve error': level + AMBIENT_PRESSURE - expected,
     }
-    return Seen(experiment.measured - expected, experiment.measured - found.fit.simulated[0], signals)
+    return EffectSignals(experiment.measured - expected, experiment.measured - result.fit.simulated[0], signals)
 
 
-def _in_force(drawn: Draw) -> Seen:
+def _in_force(drawn: Draw) -> EffectSignals:
     pressures = drawn.recording.pressures
     residual = drawn.recording.force - Cylinder().area * (pressures[:, 0] - pressures[:, 1])
-    return Seen(residual, None, {'pressure': pressures[:, 0] - AMBIENT_PRESSURE})
+    return EffectSignals(residual, None, {'pressure': pressures[:, 0] - AMBIENT_PRESSURE})
 
 
 def _identified(drawn: Draw) -> ChannelResult:
@@ -219,36 +225,36 @@ def _identified(drawn: Draw) -> ChannelResult:
 
 
 def picture(name: str, healthy: ChannelResult) -> str:
-    """Return displacement, residual over time, and residual against what tells it, as SVG."""
+    """Plot displacement and residual over time, and the residual against the signal it depends on, as SVG."""
     drawn = draw(name, SCHEDULE, SEED, given={name: _strength(name)})
     seen = _in_force(drawn) if name in FORCE_EFFECTS else _in_pressure(drawn, healthy)
     times = drawn.recording.times
     part = times <= SHOWN
     with matplotlib.rc_context(STYLE | {'svg.hashsalt': name}):
         figure = Figure(figsize=(9.0, 2.3), layout='constrained', dpi=120)
-        moved, over_time, told = figure.subplots(1, 3)
-        moved.set(xlabel='time [s]', ylabel='displacement [mm]')
-        moved.plot(times[part], 1e3 * drawn.recording.displacement[part], '0.3')
-        over_time.set(xlabel='time [s]', ylabel=f'residual [{"N" if name in FORCE_EFFECTS else "Pa"}]')
-        over_time.plot(times[part], seen.residual[part], HEALTHY, label='healthy model')
+        motion_axes, time_axes, dependence_axes = figure.subplots(1, 3)
+        motion_axes.set(xlabel='time [s]', ylabel='displacement [mm]')
+        motion_axes.plot(times[part], 1e3 * drawn.recording.displacement[part], '0.3')
+        time_axes.set(xlabel='time [s]', ylabel=f'residual [{"N" if name in FORCE_EFFECTS else "Pa"}]')
+        time_axes.plot(times[part], seen.residual[part], HEALTHY, label='healthy model')
         if seen.refitted is not None:
-            over_time.plot(times[part], seen.refitted[part], REFITTED, linewidth=0.7, label='fitted again')
-            over_time.legend(loc='lower center', bbox_to_anchor=(0.5, 0.98), ncol=2, frameon=False)
-        told.set(xlabel=AXES[EFFECTS[name].seen_against][0], ylabel=over_time.get_ylabel())
-        _tell(told, name, drawn, seen)
-        for line in (*over_time.lines, *told.lines):
+            time_axes.plot(times[part], seen.refitted[part], REFITTED, linewidth=0.7, label='fitted again')
+            time_axes.legend(loc='lower center', bbox_to_anchor=(0.5, 0.98), ncol=2, frameon=False)
+        dependence_axes.set(xlabel=AXES[EFFECTS[name].seen_against][0], ylabel=time_axes.get_ylabel())
+        _plot_dependence(dependence_axes, name, drawn, seen)
+        for line in (*time_axes.lines, *dependence_axes.lines):
             line.set_rasterized(True)  # thousands of points, as pixels
         stream = io.StringIO()
         figure.savefig(stream, format='svg', metadata={'Date': None})
     return stream.getvalue()
 
 
-def _tell(axes: Axes, name: str, drawn: Draw, seen: Seen) -> None:
+def _plot_dependence(axes: Axes, name: str, drawn: Draw, seen: EffectSignals) -> None:
     times, truth = drawn.recording.times, drawn.truth.samples
     against = EFFECTS[name].seen_against
     if against == 'frequency':
         frequencies, power = periodogram(seen.residual, 1.0 / (times[1] - times[0]), 'hann', scaling='spectrum')
-        # the mean and what leaks from it are no line
+        # the mean and its leakage are not spectral lines
         axes.semilogx(frequencies[2:], np.sqrt(2.0 * power[2:]), HEALTHY)
         axes.set(ylabel=axes.get_ylabel().replace('residual', 'amplitude'))
         return
@@ -265,7 +271,7 @@ def _tell(axes: Axes, name: str, drawn: Draw, seen: Seen) -> None:
 
 
 def _within(values: Array) -> NDArray[np.bool_]:
-    """Return which values are no outliers: a set-point's step would squeeze all else."""
+    """Return which values are not outliers: a step of the set-point would dominate the scale."""
     low, high = np.quantile(values, [0.01, 0.99])
     return np.abs(values - 0.5 * (low + high)) <= 0.75 * (high - low)
 

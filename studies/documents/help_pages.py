@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The programs' help: what each is, its arguments or parameters with their units and defaults, an example.
+Write the programs' help: purpose, arguments or parameters with units and defaults, an example.
 
-`make interface-document` writes the pages; ROS is not started for them.
+`make interface-document` writes the pages, without starting ROS.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from studies.documents.package_facts import programs
 
 _WIDTH = 100
 _SWITCH = '.enabled'
-_OWN_SWITCHES = tuple(f'{name}{_SWITCH}' for name in CYLINDERS)  # no effect's, but the cylinder's
+_CYLINDER_SWITCHES = tuple(f'{name}{_SWITCH}' for name in CYLINDERS)
 _MORE = (
-    "Physical effects that the paper's model lacks are parameters, too, such as {effect}.enabled and what stands "
-    'below it; all are off. docs/interface.md lists every parameter, and so does `ros2 param describe` of a node.'
+    "Physical effects that the paper's model lacks are parameters, too, such as {effect}.enabled and the parameters "
+    'below it. All effects are off by default. docs/interface.md and `ros2 param describe` list every parameter.'
 )
 
 
@@ -41,7 +41,7 @@ class Declared(NamedTuple):
 def pages() -> dict[str, str]:
     """Return the help of every program, by the program's name."""
     modules = {name: importlib.import_module(module) for name, module in programs().items()}
-    os.environ['COLUMNS'] = str(_WIDTH)  # argparse asks for it
+    os.environ['COLUMNS'] = str(_WIDTH)  # read by argparse
     return {
         name: module.make_parser().format_help()
         if hasattr(module, 'make_parser')
@@ -51,24 +51,26 @@ def pages() -> dict[str, str]:
 
 
 def node_class(module: ModuleType) -> Any:
-    """Return the class of the node that a module holds."""
+    """Return the node class of a module."""
     return getattr(module, module.__name__.rpartition('.')[2].title().replace('_', ''))
 
 
 def help_of(name: str, node: Any) -> str:
-    """Return the help of a node of some class."""
-    about = (inspect.getdoc(node) or '').split('\n\nParameters\n---')[0]
+    """Return the help of a node class."""
+    description = (inspect.getdoc(node) or '').split('\n\nParameters\n---')[0]
     parameters = declared_by(node)
     effects = [
-        one.name[: -len(_SWITCH)] for one in parameters if one.name.endswith(_SWITCH) and one.name not in _OWN_SWITCHES
+        parameter.name[: -len(_SWITCH)]
+        for parameter in parameters
+        if parameter.name.endswith(_SWITCH) and parameter.name not in _CYLINDER_SWITCHES
     ]
     lines = [
         f'usage: {name} --ros-args [-r __ns:=NAMESPACE] [-r TOPIC:=TOPIC] [-p PARAMETER:=VALUE] [--params-file FILE]',
         '',
-        about,
+        description,
         '',
         'parameters and their defaults:',
-        *map(_line, (one for one in parameters if _is_shown(one.name, effects))),
+        *map(_line, (parameter for parameter in parameters if _is_shown(parameter.name, effects))),
         '',
         *([textwrap.fill(_MORE.format(effect=effects[0]), _WIDTH), ''] if effects else []),
         example_of(name),
@@ -77,37 +79,37 @@ def help_of(name: str, node: Any) -> str:
 
 
 def _is_shown(name: str, effects: list[str]) -> bool:
-    """Tell whether a parameter is none of an effect's, nor cylinder B's where cylinder A's says the same."""
+    """Return whether a parameter is listed: parameters of effects and of cylinder B are not."""
     of_b = name.startswith('cylinder_b.')
     return not of_b and not any(name.startswith(f'{effect}.') for effect in effects)
 
 
-def _line(one: Declared) -> str:
-    name = one.name.replace('cylinder_a.', 'cylinder_*.')
-    text = f'{name} ({_written(one.default)}): {one.descriptor.description}'
-    if one.descriptor.additional_constraints:
-        text += f'; {one.descriptor.additional_constraints}'
+def _line(parameter: Declared) -> str:
+    name = parameter.name.replace('cylinder_a.', 'cylinder_*.')
+    text = f'{name} ({_written(parameter.default)}): {parameter.descriptor.description}'
+    if parameter.descriptor.additional_constraints:
+        text += f'; {parameter.descriptor.additional_constraints}'
     return textwrap.fill(text, _WIDTH, initial_indent='  ', subsequent_indent='      ')
 
 
 def _written(value: Any) -> str:
-    """Return a default as a user would write it."""
+    """Return a default value as a user would type it."""
     if isinstance(value, list):
-        return f'[{", ".join(_written(one) for one in value if one != "")}]'
+        return f'[{", ".join(_written(item) for item in value if item != "")}]'
     if isinstance(value, float):
         return f'{value:.7g}'
     return (value if isinstance(value, str) else str(value).lower()) or 'empty'
 
 
 def declared_by(node: type) -> list[Declared]:
-    """Return the parameters that nodes of a class declare, in their order."""
-    found = []
+    """Return the parameters of a node class, in the order of their declaration."""
+    declared = []
 
     def declare(name: str, default: Any, descriptor: ParameterDescriptor) -> Parameter:
-        found.append(Declared(name, default, descriptor))
+        declared.append(Declared(name, default, descriptor))
         return Parameter(name, value=default)
 
-    bare: Any = object.__new__(node)  # a node would join the graph
-    bare.declare_parameter = declare
-    bare._declare_parameters()
-    return found
+    uninitialised: Any = object.__new__(node)  # an initialised node would join the graph
+    uninitialised.declare_parameter = declare
+    uninitialised._declare_parameters()
+    return declared

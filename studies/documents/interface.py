@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Every program, topic, service and parameter: make interface-document writes docs/interface.md, and the pages of help.
+Document every program, topic, service and parameter: make interface-document writes docs/interface.md and the help.
 
-Nodes are started and asked: parameters come from their descriptors, topics and services from what they have opened.
+The nodes are started. Their descriptors give the parameters; their publishers, subscriptions and services the topics.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from studies.tools.ros_environment import isolate
 DOCUMENT = ROOT / 'docs' / 'interface.md'
 NAMESPACE = '/device'
 NODE, COMMAND = '_node', '.commands.'
-BESIDE = {'Pa': (PSI, 'psi'), 'Pa/m': (PSI_PER_INCH, 'lbf/in^3')}
-"""What stands beside SI: for its unit a factor, and a name."""
+SECOND_UNITS = {'Pa': (PSI, 'psi'), 'Pa/m': (PSI_PER_INCH, 'lbf/in^3')}
+"""For an SI unit: factor and name of a second unit in which values are shown."""
 
-LEAST_BESIDE = 1e3
-"""Values below are not said in another unit."""
+LEAST_IN_SECOND_UNIT = 1e3
+"""Smallest value that is also shown in the second unit [SI]."""
 
 OF_EVERY_NODE = re.compile(r'qos_overrides\.|use_sim_time$|start_type_description_service$')
-"""Parameters that rclpy declares."""
+"""Parameters that rclpy declares in every node."""
 
 OF_ROS = re.compile(r'/rosout$|/parameter_events$')
 SERVICES_OF_ROS = re.compile(r'/(\w+_parameters(_atomically)?|get_parameter_types|get_type_description)$')
@@ -58,7 +58,7 @@ MUST = {'recorder_node': ('topics', 'output')}
 
 
 class Entry(NamedTuple):
-    """A parameter's row in a table, but for its name."""
+    """Cells of a parameter's row, without the name."""
 
     kind: str
     default: str
@@ -70,8 +70,8 @@ class Entry(NamedTuple):
 Entries = dict[str, Entry]
 
 
-class Opened(NamedTuple):
-    """A topic's row in a table, but for its name."""
+class Endpoint(NamedTuple):
+    """Cells of a topic's row, without the name and the meaning."""
 
     message: str
     qos: str
@@ -87,9 +87,9 @@ def document() -> str:
 def _opening() -> Iterator[str]:
     yield '# Interface'
     yield (
-        'Every program, topic, service and parameter, as the running nodes tell them. Written by `make '
-        'interface-document`; a test holds it to the code. What the model means by its parameters stands in '
-        '[model.md](model.md), what an effect is in [effects.md](effects.md).'
+        'Every program, topic, service and parameter of the running nodes. Written by `make interface-document`; a '
+        'test compares this page with the code. [model.md](model.md) explains the parameters of the model, '
+        '[effects.md](effects.md) the effects.'
     )
 
 
@@ -100,14 +100,14 @@ def _programs() -> Iterator[str]:
     modules = {name: importlib.import_module(module) for name, module in programs().items()}
     yield '## Programs'
     rows = []
-    for name, module in sorted(modules.items(), key=lambda one: (not one[0].endswith(NODE), one[0])):
+    for name, module in sorted(modules.items(), key=lambda item: (not item[0].endswith(NODE), item[0])):
         _, _, summary = str(module.__doc__).strip().splitlines()[0].partition(': ')
         path = f'{module.__name__.replace(".", "/")}.py'
         rows.append([f'[`{name}`](../{path})', 'node' if name.endswith(NODE) else 'command', summary])
-    yield table(['program', 'kind', 'what it is'], rows)
+    yield table(['program', 'kind', 'purpose'], rows)
     yield (
-        'A node is started with `ros2 run cfd_pneumatic NAME --ros-args -p PARAMETER:=VALUE`. Bad input is one line on '
-        'standard error and exit code 2; a command that was interrupted ends with 130.'
+        'Start a node with `ros2 run cfd_pneumatic NAME --ros-args -p PARAMETER:=VALUE`. After bad input a program '
+        'prints one line on standard error and ends with exit code 2. An interrupted command ends with exit code 130.'
     )
     for name, module in sorted(modules.items()):
         if COMMAND in module.__name__:
@@ -121,9 +121,11 @@ def _command(name: str, parser: argparse.ArgumentParser) -> Iterator[str]:
     formatter = parser._get_formatter()
     for action in parser._actions:
         if not isinstance(action, argparse._HelpAction) and action.help is not argparse.SUPPRESS:
-            given = [*action.option_strings[-1:], formatter._format_args(action, action.dest.upper())]
-            said = formatter._expand_help(action)
-            rows.append([code(' '.join(given).strip()), 'required' if action.required else '', ' '.join(said.split())])
+            argument = [*action.option_strings[-1:], formatter._format_args(action, action.dest.upper())]
+            text = formatter._expand_help(action)
+            rows.append(
+                [code(' '.join(argument).strip()), 'required' if action.required else '', ' '.join(text.split())]
+            )
     yield table(['argument', '', 'meaning'], rows)
 
 
@@ -132,8 +134,8 @@ def _command(name: str, parser: argparse.ArgumentParser) -> Iterator[str]:
 
 @contextmanager
 def _nodes(folder: Path) -> Iterator[dict[str, list[Node]]]:
-    """Yield every node by its program's name, the rig with a schedule too, in a namespace and a graph of their own."""
-    given: dict[str, list[dict[str, Any]]] = {
+    """Yield every node by its program's name in a separate graph; the rig also with a schedule."""
+    parameter_sets: dict[str, list[dict[str, Any]]] = {
         'recorder_node': [dict(zip(MUST['recorder_node'], (['/topic'], str(folder / 'bag'))))],
         'rig_node': [{}, {'schedule': 'out_and_back'}],
     }
@@ -144,14 +146,15 @@ def _nodes(folder: Path) -> Iterator[dict[str, list[Node]]]:
         for name, module in programs().items():
             if name.endswith(NODE):
                 make = node_class(importlib.import_module(module))
-                for parameters in given.get(name, [{}]):
-                    overrides = [Parameter(one, value=value) for one, value in parameters.items()]
+                for parameters in parameter_sets.get(name, [{}]):
+                    overrides = [Parameter(key, value=value) for key, value in parameters.items()]
                     node = make(context=context, namespace=NAMESPACE, parameter_overrides=overrides)
                     nodes.setdefault(name, []).append(node)
         yield nodes
     finally:
-        for node in (one for some in nodes.values() for one in some):
-            node.destroy_node()
+        for program_nodes in nodes.values():
+            for node in program_nodes:
+                node.destroy_node()
         rclpy.shutdown(context=context)
 
 
@@ -161,58 +164,62 @@ def _nodes(folder: Path) -> Iterator[dict[str, list[Node]]]:
 def _topics(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield '## Topics and services'
     yield (
-        f'Names are relative but for those that begin with `/`: a namespace tells the device from its simulator. `~` '
-        f'is the name of the node, `{EITHER}` is {" and ".join(f"`{name}`" for name in CYLINDERS)}, of which '
-        '`sim_node` and `monitor_node` open only those with `cylinder_*.enabled`. *Depth* is the length of the '
-        'queue in messages. QoS can be overridden by parameters: '
-        '`qos_overrides./cfd/sim/piston_state.subscription.reliability`, and so on.'
+        f'Names without a leading `/` are relative: the namespace separates the device from its simulator. `~` '
+        f'is the name of the node. `{EITHER}` is {" and ".join(f"`{name}`" for name in CYLINDERS)}; '
+        '`sim_node` and `monitor_node` open the topics of cylinders with `cylinder_*.enabled`. *Depth* is the length '
+        'of the queue in messages. Parameters such as '
+        '`qos_overrides./cfd/sim/piston_state.subscription.reliability` override the QoS.'
     )
-    for name, some in sorted(nodes.items()):
+    for name, program_nodes in sorted(nodes.items()):
         yield f'### `{name}`: topics'
-        opened = [_opened(node) for node in some]
-        if any(opened):
-            yield table(['topic', 'type', 'QoS', 'direction', 'meaning'], _topic_rows(opened))
+        endpoints = [_endpoints(node) for node in program_nodes]
+        if any(endpoints):
+            yield table(['topic', 'type', 'QoS', 'direction', 'meaning'], _topic_rows(endpoints))
         else:
-            yield 'Those that its parameter `topics` names, with as much reliability as their publishers offer.'
+            yield 'The topics of its parameter `topics`, with the reliability that their publishers offer.'
         services = [
-            [code(_relative(service.service_name, some[0])), _type(service.srv_type), service.callback.__doc__]
-            for service in some[0].services
+            [code(_relative(service.service_name, program_nodes[0])), _type(service.srv_type), service.callback.__doc__]
+            for service in program_nodes[0].services
             if not SERVICES_OF_ROS.search(service.service_name)
         ]
         if services:
             yield table(['service', 'type', 'what it does'], services)
 
 
-def _opened(node: Node) -> dict[str, Opened]:
-    """Return what a node has opened, by its name with either cylinder's folded into one."""
+def _endpoints(node: Node) -> dict[str, Endpoint]:
+    """Return the endpoints of a node by their relative names."""
     directions: list[tuple[str, list[Any]]] = [('in', list(node.subscriptions)), ('out', list(node.publishers))]
     return {
-        _relative(one.topic_name, node): Opened(_type(one.msg_type), _qos(one.qos_profile), direction)
-        for direction, some in directions
-        for one in some
-        if not OF_ROS.search(one.topic_name)
+        _relative(endpoint.topic_name, node): Endpoint(_type(endpoint.msg_type), _qos(endpoint.qos_profile), direction)
+        for direction, node_endpoints in directions
+        for endpoint in node_endpoints
+        if not OF_ROS.search(endpoint.topic_name)
     }
 
 
-def _topic_rows(opened: Sequence[Mapping[str, Opened]]) -> list[list[str]]:
-    """Return a row for each topic; the second of two ways to run a node is with a schedule."""
+def _topic_rows(endpoints_of_runs: Sequence[Mapping[str, Endpoint]]) -> list[list[str]]:
+    """Return a row for each topic; the second of two runs of a node has a schedule."""
     rows: dict[str, list[str]] = {}
-    for topic in dict.fromkeys(topic for some in opened for topic in some):
-        ways = [some.get(topic) for some in opened]
-        present = [way for way in ways if way is not None]
-        if len(set(ways)) == 1:
+    for topic in dict.fromkeys(topic for endpoints in endpoints_of_runs for topic in endpoints):
+        alternatives = [endpoints.get(topic) for endpoints in endpoints_of_runs]
+        present = [endpoint for endpoint in alternatives if endpoint is not None]
+        if len(set(alternatives)) == 1:
             direction = present[0].direction
         else:
-            when = ('without a `schedule`', 'with a `schedule`')
-            direction = ', '.join(f'{way.direction} {word}' for way, word in zip(ways, when) if way is not None)
-        qos = '; '.join(dict.fromkeys(way.qos for way in present))
+            conditions = ('without a `schedule`', 'with a `schedule`')
+            direction = ', '.join(
+                f'{endpoint.direction} {condition}'
+                for endpoint, condition in zip(alternatives, conditions)
+                if endpoint is not None
+            )
+        qos = '; '.join(dict.fromkeys(endpoint.qos for endpoint in present))
         folded = _folded(topic)
         rows[folded] = [code(folded), present[0].message, qos, direction, meaning(topic)]
     return list(rows.values())
 
 
 def _relative(name: str, node: Node) -> str:
-    """Return a name as the code has it."""
+    """Return a topic's name relative to the node's namespace."""
     return name.replace(f'{node.get_fully_qualified_name()}/', '~/').removeprefix(f'{NAMESPACE}/')
 
 
@@ -233,9 +240,9 @@ def _qos(qos: QoSProfile) -> str:
 def _parameters(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield '## Parameters'
     yield (
-        '*Live*: `ros2 param set` acts on the running node, or is refused with the reason. *At start*: read-only. '
-        f"`{EITHER}` is either cylinder. Where a number is asked for write 1.0 for 1. Every node has ROS 2's own "
-        'parameters too, as `use_sim_time`.'
+        '`live`: `ros2 param set` changes the running node; a refusal states the reason. `at start`: read-only. '
+        f'`{EITHER}` is either cylinder. Write 1.0 instead of 1 for a number of type double. Every node also has the '
+        'parameters of ROS 2, such as `use_sim_time`.'
     )
     entries = {name: _entries(some[0]) for name, some in nodes.items()}
     models = ('sim_node', 'monitor_node')
@@ -243,16 +250,16 @@ def _parameters(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     effects = {name: entry for name, entry in shared.items() if name.count('.') == 2}
     yield '### `sim_node` and `monitor_node`: parameters'
     yield _table({name: entry for name, entry in shared.items() if name not in effects})
-    for name, own in entries.items():
-        rest = {one: entry for one, entry in own.items() if name not in models or one not in shared}
+    for name, node_entries in entries.items():
+        further = {key: entry for key, entry in node_entries.items() if name not in models or key not in shared}
         yield f'### `{name}`: parameters'
-        yield from ['Those above, and:'] if name in models else []
-        yield _table(rest)
+        yield from ['The parameters above, and:'] if name in models else []
+        yield _table(further)
     yield from _effects(effects)
 
 
 def _entries(node: Node) -> Entries:
-    """Return the rows of a node's parameters, both cylinders' as one where they are alike."""
+    """Return the rows of a node's parameters, with a common row for both cylinders."""
     parameters: Any = node.get_parameters_by_prefix('')
     rows = {
         name: _entry(node.describe_parameter(name), parameter.value)
@@ -261,36 +268,36 @@ def _entries(node: Node) -> Entries:
     }
     for name in MUST.get(node.get_name(), ()):
         rows[name] = rows[name]._replace(default='required')
-    one, other = CYLINDERS
-    assert all(rows.get(name.replace(one, other)) == row for name, row in rows.items() if one in name)
+    first, second = CYLINDERS
+    assert all(rows.get(name.replace(first, second)) == row for name, row in rows.items() if first in name)
     return {_folded(name): row for name, row in rows.items()}
 
 
 def _entry(descriptor: ParameterDescriptor, value: Any) -> Entry:
-    said = re.fullmatch(r'(.*?)(?: \[([^\[\]]+)\])?', descriptor.description, re.DOTALL)
-    assert said is not None
-    unit = said[2] or ''
+    description = re.fullmatch(r'(.*?)(?: \[([^\[\]]+)\])?', descriptor.description, re.DOTALL)
+    assert description is not None
+    unit = description[2] or ''
     bounds = [*descriptor.floating_point_range, *descriptor.integer_range]
-    limits = [f'{one.from_value:g} to {one.to_value:g} {unit}'.rstrip(' -') for one in bounds]
+    limits = [f'{bound.from_value:g} to {bound.to_value:g} {unit}'.rstrip(' -') for bound in bounds]
     return Entry(
         Parameter.Type(descriptor.type).name.lower().replace('_array', '[]'),
-        _said(value, unit),
+        _written(value, unit),
         '; '.join([*limits, *filter(None, [descriptor.additional_constraints])]),
         'at start' if descriptor.read_only else 'live',
-        said[1],
+        description[1],
     )
 
 
-def _said(value: Any, unit: str) -> str:
-    """Return a default with its unit, and in the unit beside SI where it is large enough to mean something there."""
+def _written(value: Any, unit: str) -> str:
+    """Return a default with its unit, also in the second unit if the value is large enough."""
     numbers = value if isinstance(value, list) else [value]
     if isinstance(numbers[0], bool):
         return str(value).lower()
     if isinstance(numbers[0], str):
         return code(repr(value))
     text = f'{", ".join(f"{number:.6g}" for number in numbers)} {unit}'.rstrip(' -')
-    if unit in BESIDE and any(abs(number) >= LEAST_BESIDE for number in numbers):
-        factor, name = BESIDE[unit]
+    if unit in SECOND_UNITS and any(abs(number) >= LEAST_IN_SECOND_UNIT for number in numbers):
+        factor, name = SECOND_UNITS[unit]
         text += f' ({", ".join(f"{number / factor:.4g}" for number in numbers)} {name})'
     return text
 
@@ -309,18 +316,19 @@ def _table(entries: Mapping[str, Entry]) -> str:
 def _effects(entries: Entries) -> Iterator[str]:
     yield '### Effects of `sim_node` and `monitor_node`: parameters'
     yield (
-        'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false, live), and the parameters below it, as '
-        '`cylinder_a.leakage.conductance`. All are doubles and live; by default they change nothing.'
+        'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false, `live`), and parameters such as '
+        '`cylinder_a.leakage.conductance`. All parameters of effects are doubles and `live`. Their default values have '
+        'no effect.'
     )
     known = {**EFFECTS, **GENERIC}
-    for prefix, some in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):
+    for prefix, names in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):
         rows = []
-        for effect in sorted(some):
+        for effect in sorted(names):
             label = f'[`{effect}`]({f"effects.md#{effect}" if effect in EFFECTS else "model.md#the-loop"})'
             for name, entry in entries.items():
                 if name.startswith(f'{prefix}.{effect}.') and not name.endswith('.enabled'):
-                    _, _, what = entry.meaning.partition(f'{known[effect].description}: ')
-                    rows.append([label, code(name.rpartition('.')[2]), entry.default, entry.range, what])
+                    _, _, text = entry.meaning.partition(f'{known[effect].description}: ')
+                    rows.append([label, code(name.rpartition('.')[2]), entry.default, entry.range, text])
                     label = ''
         yield table([f'`{prefix}.`', 'parameter', 'default', 'range', 'meaning'], rows)
 
@@ -331,21 +339,22 @@ def _effects(entries: Entries) -> Iterator[str]:
 def _files() -> Iterable[str]:
     yield '## Files'
     yield (
-        f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON whose keys end in their '
-        'units; [`data.py`: `report_data`](../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
-        f'(../cfd_pneumatic/planning/report.py) make them. `{PARAMETER_FILE}` holds parameters of `sim_node`, as above.'
+        f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON; their keys end in their '
+        'units. [`data.py`: `report_data`](../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
+        f'(../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, as '
+        'above.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
-    yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and holding from their time on: {columns}.'
+    yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and valid from their time on: {columns}.'
     yield f'Columns of `{CSV_FILE}` and `{PARQUET_FILE}`, which `identify_bag --each` writes:'
     yield table(
         ['column', 'kind', 'unit', 'meaning'],
-        ([code(one.name), one.kind, one.unit, one.description] for one in COLUMNS),
+        ([code(column.name), column.kind, column.unit, column.description] for column in COLUMNS),
     )
 
 
 def main() -> None:
-    """Write the documents and the pages."""
+    """Write the documents and the help pages."""
     isolate()
     write_text(DOCUMENT, document())
     write_text(mapping_document.DOCUMENT, mapping_document.document())

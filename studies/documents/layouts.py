@@ -2,7 +2,8 @@
 """
 Write the layouts for PlotJuggler and Foxglove in `config/`: make layouts.
 
-`compare` shows compare.mcap, `cell` a cell that runs: its device, simulator and monitor. Both programs show the same.
+`compare` shows compare.mcap. `cell` shows a running cell: its device, simulator and monitor. The layouts of both
+programs have the same curves.
 """
 
 from __future__ import annotations
@@ -34,25 +35,25 @@ CELL = '/cfd'
 DEVICE, SIM, MONITOR = (f'{CELL}/{role}' for role in ('device', 'sim', 'monitor'))
 BLUE, RED, GREEN = '#1f77b4', '#d62728', '#2ca02c'
 
-JUGGLED = {
+PLOTJUGGLER_PATHS = {
     FLUID_PRESSURE: 'fluid_pressure',
     FLOAT64: 'data',
     JOINT_STATE: f'{PISTON_JOINT}/position',
     WRENCH_STAMPED: 'wrench/force/x',
 }
-"""How PlotJuggler names a message's number, below its topic: joints by their own names."""
+"""PlotJuggler's path of the number in a message, below the topic; joints have their names."""
 
-FOXED = {
+FOXGLOVE_PATHS = {
     FLUID_PRESSURE: 'fluid_pressure',
     FLOAT64: 'data',
     JOINT_STATE: 'position[0]',
     WRENCH_STAMPED: 'wrench.force.x',
 }
-"""Foxglove's path of it in the message."""
+"""Foxglove's path of the number in a message."""
 
 
 class Curve(NamedTuple):
-    """A number that is drawn over time."""
+    """A number of a message that is plotted over time."""
 
     topic: str
     msgtype: str
@@ -61,23 +62,23 @@ class Curve(NamedTuple):
 
 
 Panels = dict[str, list[Curve]]
-"""Curves that share their axes, by a title; panels stand below each other in a tab, with a title as well."""
+"""Curves on common axes, by the panel's title; the panels of a tab are below each other."""
 
 
 class Layout(NamedTuple):
-    """Where a layout finds its curves: the namespace of the device, and topics with gaps, with label and colour."""
+    """The device's namespace, and templates of topics with label and colour."""
 
     device: str
     simulated: Sequence[tuple[str, str, str]]
     residuals: Sequence[tuple[str, str, str]]
 
 
-FOUND = (('without effects', RED), ('with those found', GREEN))
+MODELS = (('without effects', RED), ('with found effects', GREEN))
 LAYOUTS = {
     'compare': Layout(
         MEASURED,
-        [(f'{space}/{{topic}}', *words) for space, words in zip(SIMULATED, FOUND)],
-        [(f'{space}/{{topic}}', *words) for space, words in zip(RESIDUAL, FOUND)],
+        [(f'{space}/{{topic}}', *style) for space, style in zip(SIMULATED, MODELS)],
+        [(f'{space}/{{topic}}', *style) for space, style in zip(RESIDUAL, MODELS)],
     ),
     'cell': Layout(
         DEVICE,
@@ -94,21 +95,21 @@ QUANTITIES = {
     **{name: ('Pa', FLUID_PRESSURE, pressure_topic(name), pressure_topic(name)) for name in CYLINDERS},
     CONTACT_FORCE: ('N', WRENCH_STAMPED, MEASURED_FORCE, CONTACT_FORCE),
 }
-"""Unit and type of what is measured and simulated, and its topics below the namespaces of both."""
+"""Unit, message type, measured topic and simulated topic of each quantity; topics without namespace."""
 
 
 def views(layout: Layout) -> dict[str, Panels]:
-    """Return each quantity with what is left of it, and below them what moves it."""
-    found = {}
+    """Return the panels of each quantity: measured and simulated, residual, displacement, set-point."""
+    panels_by_quantity = {}
     for name, (unit, msgtype, measured, simulated) in QUANTITIES.items():
-        by_model, residuals = (
-            [Curve(topic.format(name=name, topic=simulated), msgtype, *words) for topic, *words in some]
-            for some in (layout.simulated, layout.residuals)
+        simulated_curves, residuals = (
+            [Curve(topic.format(name=name, topic=simulated), msgtype, *style) for topic, *style in templates]
+            for templates in (layout.simulated, layout.residuals)
         )
-        found[name] = {
+        panels_by_quantity[name] = {
             f'measured and simulated [{unit}]': [
                 Curve(f'{layout.device}/{measured}', msgtype, 'measured', BLUE),
-                *by_model,
+                *simulated_curves,
             ],
             f'measured less simulated [{unit}]': residuals,
             'displacement [m]': [
@@ -118,12 +119,12 @@ def views(layout: Layout) -> dict[str, Panels]:
         }
         if name in CYLINDERS:
             setpoint = Curve(f'{layout.device}/{setpoint_topic(name)}', FLOAT64, 'set-point', BLUE)
-            found[name]['set-point, gauge [Pa]'] = [setpoint]
-    return found
+            panels_by_quantity[name]['set-point, gauge [Pa]'] = [setpoint]
+    return panels_by_quantity
 
 
 def heights(panels: Panels) -> list[float]:
-    """Return the share of the height that each panel has: what was measured half as much again."""
+    """Return the share of the height of each panel; the first panel is 1.5 times as high as the others."""
     total = len(panels) + 0.5
     return [1.5 / total, *[1.0 / total] * (len(panels) - 1)]
 
@@ -131,8 +132,8 @@ def heights(panels: Panels) -> list[float]:
 # PlotJuggler
 
 
-def juggled(tabs: Mapping[str, Panels]) -> str:
-    """Return a layout of PlotJuggler."""
+def plotjuggler_layout(tabs: Mapping[str, Panels]) -> str:
+    """Return the tabs as a layout of PlotJuggler."""
     root = Element('root')
     widget = SubElement(root, 'tabbed_widget', {'name': 'Main Window', 'parent': 'main_window'})
     for name, panels in tabs.items():
@@ -145,7 +146,7 @@ def juggled(tabs: Mapping[str, Panels]) -> str:
             plot = SubElement(area, 'plot', mode='TimeSeries', style=style, flip_x='false', flip_y='false')
             SubElement(plot, 'limitY')
             for curve in curves:
-                SubElement(plot, 'curve', name=f'{curve.topic}/{JUGGLED[curve.msgtype]}', color=curve.colour)
+                SubElement(plot, 'curve', name=f'{curve.topic}/{PLOTJUGGLER_PATHS[curve.msgtype]}', color=curve.colour)
     SubElement(widget, 'currentTabIndex', index='0')
     SubElement(root, 'use_relative_time_offset', enabled='1')
     indent(root)
@@ -155,14 +156,14 @@ def juggled(tabs: Mapping[str, Panels]) -> str:
 # Foxglove
 
 
-def foxed(tabs: Mapping[str, Panels]) -> str:
-    """Return a layout of Foxglove."""
+def foxglove_layout(tabs: Mapping[str, Panels]) -> str:
+    """Return the tabs as a layout of Foxglove."""
     plots: dict[str, Any] = {}
     stacks = []
     for name, panels in tabs.items():
-        own = {f'Plot!{name}_{number}': _plot(*panel) for number, panel in enumerate(panels.items())}
-        plots |= own
-        stacks.append({'title': name, 'layout': _stacked(list(own), heights(panels))})
+        tab_plots = {f'Plot!{name}_{number}': _plot(*panel) for number, panel in enumerate(panels.items())}
+        plots |= tab_plots
+        stacks.append({'title': name, 'layout': _stacked(list(tab_plots), heights(panels))})
     plots['Tab!views'] = {'activeTabIdx': 0, 'tabs': stacks}
     layout = {'configById': plots, 'globalVariables': {}, 'userNodes': {}, 'playbackConfig': {'speed': 1}}
     return json.dumps(layout | {'layout': 'Tab!views'}, indent=2) + '\n'
@@ -170,35 +171,37 @@ def foxed(tabs: Mapping[str, Panels]) -> str:
 
 def _plot(title: str, curves: Sequence[Curve]) -> dict[str, Any]:
     paths = []
-    for curve in reversed(curves):  # here the first is on top, in PlotJuggler the last
-        held = curve.msgtype == FLOAT64  # a set-point is held and then jumps: dots, for there are no steps
+    for curve in reversed(curves):  # Foxglove draws the first curve on top, PlotJuggler the last
+        is_setpoint = (
+            curve.msgtype == FLOAT64
+        )  # a set-point is constant between messages; Foxglove has no steps, so dots
         path: dict[str, Any] = {
-            'value': f'{curve.topic}.{FOXED[curve.msgtype]}',
+            'value': f'{curve.topic}.{FOXGLOVE_PATHS[curve.msgtype]}',
             'label': curve.label,
             'color': curve.colour,
         }
-        path |= {'enabled': True, 'timestampMethod': 'receiveTime' if held else 'headerStamp'}
-        paths.append(path | {'showLine': not held, 'lineSize': 4 if held else 1})
+        path |= {'enabled': True, 'timestampMethod': 'receiveTime' if is_setpoint else 'headerStamp'}
+        paths.append(path | {'showLine': not is_setpoint, 'lineSize': 4 if is_setpoint else 1})
     titles = {'foxglovePanelTitle': title, 'lichtblickPanelTitle': title}
     return titles | {'paths': paths, 'legendDisplay': 'left', 'sidebarDimension': 190}
 
 
 def _stacked(names: Sequence[str], shares: Sequence[float]) -> Any:
-    """Return panels below each other: Foxglove halves again and again."""
-    first, *rest = names
-    if not rest:
+    """Return panels below each other; Foxglove splits a panel in two, recursively."""
+    first, *following = names
+    if not following:
         return first
     share = 100.0 * shares[0] / sum(shares)
-    below = _stacked(rest, shares[1:])
+    below = _stacked(following, shares[1:])
     return {'direction': 'column', 'first': first, 'second': below, 'splitPercentage': round(share, 2)}
 
 
 def layouts() -> dict[Path, str]:
-    """Return the text of each file."""
+    """Return the text of each layout file."""
     written = {}
     for name, layout in LAYOUTS.items():
-        written[FOLDER / f'{name}.plotjuggler.xml'] = juggled(views(layout))
-        written[FOLDER / f'{name}.foxglove.json'] = foxed(views(layout))
+        written[FOLDER / f'{name}.plotjuggler.xml'] = plotjuggler_layout(views(layout))
+        written[FOLDER / f'{name}.foxglove.json'] = foxglove_layout(views(layout))
     return written
 
 

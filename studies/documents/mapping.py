@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every key of a mapping file: make interface-document writes docs/mapping.md."""
+"""Document every key of a mapping file: make interface-document writes docs/mapping.md."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BAG = """displacement:
   unit: inch
   scale: 1/3.1736            # inches in a volt
   offset: -0.5
-  sign: -1                   # the sensor's reading falls while cylinder A grows
+  sign: -1                   # the reading falls while the volume of cylinder A grows
 cylinder_a:
   pressure:
     topic: /press/analog
@@ -40,13 +40,13 @@ others:
 
 PAGE = """# Mapping files
 
-A mapping file says where a table or a bag of another make keeps the signals, and in which units. It is YAML, with an
-entry for each signal. `csv_to_bag`, `identify_bag --mapping` and `read_recording` take it. A number becomes
-sign × (scale × raw + offset) in its unit. The displacement and the pressure of one cylinder are needed; the rest is
-optional. What is not known (a unit, a sign, gauge or absolute) is best tried: the programs print each signal in SI
-units before anything else, and say what looks like a mistake.
+A mapping file describes the place and the unit of each signal in a table, or in a bag with different topics. The file
+is YAML with an entry for each signal. `csv_to_bag`, `identify_bag --mapping` and `read_recording` read mapping files. A
+number is converted to sign × (scale × raw + offset) in its unit. The displacement and the pressure of one cylinder are
+required; all other signals are optional. If a unit, a sign or a reference (gauge or absolute) is not known, try a
+value. The programs print each signal in SI units first, and warn about likely input errors.
 
-The keys below are those of the code: `make interface-document` writes this page.
+`make interface-document` writes this page from the keys in the code.
 
 ## A table
 
@@ -55,8 +55,8 @@ The keys below are those of the code: `make interface-document` writes this page
 ```yaml
 {table_example}```
 
-All rows have the same number of fields, as many as the header has names. Numbers have decimal points, unless `table`
-has `decimal: comma`. The file is UTF-8, UTF-16 or Latin-1.
+All rows and the header have the same number of fields. Numbers have decimal points, unless `table` has
+`decimal: comma`. The file is UTF-8, UTF-16 or Latin-1.
 
 ## A bag
 
@@ -67,8 +67,8 @@ has `decimal: comma`. The file is UTF-8, UTF-16 or Latin-1.
 
 {tables}
 
-A `setpoint` acts from its time on; a `setpoint_applied` acted up to its time, since the one before. Without either the
-set-point is taken to be constant, and estimated.
+A `setpoint` acts from its time on. A `setpoint_applied` acted from the time of the previous message up to its time.
+Without both, the set-point is estimated as a constant.
 
 ## Units
 
@@ -79,12 +79,12 @@ set-point is taken to be constant, and estimated.
 def document() -> str:
     """Return the page."""
     tables = {
-        'Of the file': TOP_KEYS,
-        'Of every signal': NUMBER_KEYS,
-        'Of a pressure or a set-point, too': PRESSURE_KEYS,
-        'Of a signal in a table, too': COLUMN_KEYS,
-        'Of a signal in a bag, too': TOPIC_KEYS,
-        'Of `table`': TABLE_KEYS,
+        'Keys of the file': TOP_KEYS,
+        'Keys of every signal': NUMBER_KEYS,
+        'Additional keys of a pressure or a set-point': PRESSURE_KEYS,
+        'Additional keys of a signal in a table': COLUMN_KEYS,
+        'Additional keys of a signal in a bag': TOPIC_KEYS,
+        'Keys of `table`': TABLE_KEYS,
     }
     return PAGE.format(
         example=EXAMPLE.relative_to(ROOT),
@@ -96,10 +96,13 @@ def document() -> str:
 
 
 def _keys(keys: Mapping[str, str]) -> str:
-    return table(['key', 'what it says'], ([code(key), text] for key, text in keys.items()))
+    return table(['key', 'meaning'], ([code(key), text] for key, text in keys.items()))
 
 
 def _units() -> str:
-    quantities = dict.fromkeys(one.quantity for one in UNITS.values())
-    rows = ([what, ', '.join(code(name) for name, one in UNITS.items() if one.quantity == what)] for what in quantities)
+    quantities = dict.fromkeys(unit.quantity for unit in UNITS.values())
+    rows = (
+        [quantity, ', '.join(code(name) for name, unit in UNITS.items() if unit.quantity == quantity)]
+        for quantity in quantities
+    )
     return table(['quantity', 'units'], rows)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What documents that are written by a program share: tables, and notes by hand that are kept."""
+"""Markdown of documents that a program writes: tables, and handwritten notes that are kept."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 NOTES = '## Notes'
-"""What stands in the document from here on is written by hand, and kept."""
+"""Heading of the handwritten notes at the end of a document; a new version keeps the notes."""
 
 
 def table(header: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
@@ -16,13 +16,13 @@ def table(header: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
 
 
 def code(text: object) -> str:
-    """Return a text as code, in a table too, where a bar would end the cell."""
+    """Return a text as code, with escaped bars, which would end a cell of a table."""
     return f'`{text}`'.replace('|', r'\|')
 
 
 def notes_in(path: Path) -> str:
-    """Return what was written by hand at the end of a document."""
+    """Return the handwritten notes at the end of a document."""
     if not path.exists():
         return ''
-    _, found, notes = path.read_text(encoding='utf-8').partition(f'\n{NOTES}\n')
-    return f'{NOTES}\n{notes.rstrip()}' if found else ''
+    _, heading, notes = path.read_text(encoding='utf-8').partition(f'\n{NOTES}\n')
+    return f'{NOTES}\n{notes.rstrip()}' if heading else ''

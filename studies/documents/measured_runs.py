@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of each measured run of a real cylinder: make measured-runs writes docs/measured_runs.md."""
+"""Document the results of each measured run of a cylinder: make measured-runs writes docs/measured_runs.md."""
 
 from __future__ import annotations
 
@@ -26,24 +26,25 @@ DOCUMENT = ROOT / 'docs' / 'measured_runs.md'
 
 
 @dataclass(frozen=True)
-class Said:
-    """What is said of a run: a line for each channel, and the notices."""
+class RunResults:
+    """Results of a run: a line for each channel, and the notices."""
 
     run: str
     lines: tuple[tuple[str, ...], ...]
     notices: tuple[Notice, ...]
 
 
-def said_of(path: Path) -> Said:
-    """Identify a run and close the loop."""
-    found = identify([recording_of_run(path)], Options(close_loop=True))
-    return Said(path.stem, tuple(_line(path.stem, one) for one in found.closed), found.notices)
+def results_of(path: Path) -> RunResults:
+    """Identify a run, close the loop, and return the results."""
+    identification = identify([recording_of_run(path)], Options(close_loop=True))
+    lines = tuple(_line(path.stem, channel) for channel in identification.closed)
+    return RunResults(path.stem, lines, identification.notices)
 
 
 def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
     findings = result.findings
     share = [100.0 * errors[result.judged_on].rmse / result.span for errors in (result.before, result.after)]
-    alternatives = sorted({one for some in findings.alternatives.values() for one in some})
+    alternatives = sorted({effect for effects in findings.alternatives.values() for effect in effects})
     return (
         run,
         result.name,
@@ -58,14 +59,14 @@ def _line(run: str, result: ChannelResult) -> tuple[str, ...]:
 
 
 def leaks_of(path: Path) -> list[tuple[str, ...]]:
-    """Return what `leak_test` says of a pressure decay, a line for each law."""
+    """Return the results of `leak_test` for a pressure decay, a line for each leak model."""
     recording = read_recording(path, mapping=read_mapping(ROOT / 'config' / 'pressure_decay.yaml'))
     decay = decay_of(recording.cylinders['cylinder_a'].pressure, AMBIENT_PRESSURE)
     return [
         (
             path.stem,
             leak.characteristic,
-            ' to '.join(f'{1e6 * one:.3g}' for one in leak.interval),
+            ' to '.join(f'{1e6 * limit:.3g}' for limit in leak.interval),
             f'{1e-3 * leak.settling:.3g} in {leak.time_constant:.3g} s' if leak.settling else '',
             f'{leak.error / decay.noise:.2f}',
             'excluded' if leak.excluded else 'possible',
@@ -75,61 +76,65 @@ def leaks_of(path: Path) -> list[tuple[str, ...]]:
     ]
 
 
-def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], together: str, notes: str) -> str:
-    """Return the table of runs, what was noticed on them, what one model makes of many, and the pressure decays."""
+def document(results: Sequence[RunResults], leaks: Sequence[tuple[str, ...]], predictions_text: str, notes: str) -> str:
+    """Return the document: results of runs, warnings, predictions by common models, pressure decays."""
     header = (
         'run',
         'channel',
         'verdict',
         'status',
         'effects',
-        'or instead',
+        'alternatives',
         'before [%]',
         'after [%]',
-        'after, over the noise',
+        'after / noise',
     )
-    noticed = [(one.run, it) for one in said for it in one.notices]
-    runs = Counter((it.code, it.level) for _, it in noticed)
+    noticed = [(result.run, notice) for result in results for notice in result.notices]
+    counts = Counter((notice.code, notice.level) for _, notice in noticed)
     return '\n'.join(
         [
             '# Measured runs',
             '',
-            'What `identify_bag --close-loop` says of each measured run of a regulated cylinder (a public data set, '
-            'CC0), one by one. Written by `make measured-runs`; what stands under "Notes" at the end is kept.',
+            'Results of `identify_bag --close-loop` for each measured run of a regulated cylinder (a public data set, '
+            'CC0). Written by `make measured-runs`; the section "Notes" at the end is kept.',
             '',
-            '- Errors are those of the test part, over the span of what was measured, without and with the effects.',
-            '- The last column has them over the noise from sample to sample, the standard deviation of the '
-            f'differences over the square root of 2. {_over_noise(said)}',
-            f'- Noticed: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(runs.items()))} of '
-            f'{len(said)} runs.',
+            '- *Before* and *after*: errors on the test part divided by the measured span, without and with effects.',
+            '- The last column is the error after, divided by the noise. The noise is the standard deviation of the '
+            f'differences between samples, divided by the square root of 2. {_noise_ratio_medians(results)}',
+            f'- Notices: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(counts.items()))} of '
+            f'{len(results)} runs.',
             f'- Machine: {machine()}',
             '',
-            table(header, [line for one in said for line in one.lines]),
+            table(header, [line for result in results for line in result.lines]),
             '',
             '## Warnings',
             '',
             table(
-                ('run', 'code', 'what is said', 'what to do'),
-                [(run, f'`{it.code}`', it.message, it.fix) for run, it in noticed if it.level == WARNING],
+                ('run', 'code', 'message', 'what to do'),
+                [
+                    (run, f'`{notice.code}`', notice.message, notice.fix)
+                    for run, notice in noticed
+                    if notice.level == WARNING
+                ],
             ),
             '',
-            together,
+            predictions_text,
             '',
             '## Pressure decays',
             '',
-            'What `leak_test --mapping config/pressure_decay.yaml` says of chambers behind a shut valve. Each law is '
-            'fitted to the first half, and errs on the second as the table says. The last column: to which gauge '
-            'pressure a chamber would have to empty for the laws to be told apart.',
+            'Results of `leak_test --mapping config/pressure_decay.yaml` for chambers behind a shut valve. Each leak '
+            'model is fitted to the first half; the error is that of the second half. The last column is the gauge '
+            'pressure to which a chamber has to empty before the leak models are distinguishable.',
             '',
             table(
                 (
                     'chamber',
-                    'law',
+                    'leak model',
                     'conductance [1e-6/s], 95 %',
-                    'settles by [kPa]',
-                    'error, over the noise',
-                    'is it',
-                    'told below [kPa]',
+                    'settling [kPa]',
+                    'error / noise',
+                    'result',
+                    'distinguishable below [kPa]',
                 ),
                 leaks,
             ),
@@ -140,27 +145,27 @@ def document(said: Sequence[Said], leaks: Sequence[tuple[str, ...]], together: s
     )
 
 
-def _over_noise(said: Sequence[Said]) -> str:
-    """Return the medians of the pressures' errors over the noise, of all runs and of the seals that don't leak."""
-    found = {one.run: float(line[-1]) for one in said for line in one.lines if line[1] != 'force'}
-    healthy = [value for run, value in found.items() if not run.startswith('Kidney')]
-    at_7_bar = [value for run, value in found.items() if run.endswith('7bar')]
+def _noise_ratio_medians(results: Sequence[RunResults]) -> str:
+    """Return the medians of error / noise of the pressures, of all runs and of seals without a leak."""
+    ratios = {result.run: float(line[-1]) for result in results for line in result.lines if line[1] != 'force'}
+    healthy = [value for run, value in ratios.items() if not run.startswith('Kidney')]
+    at_7_bar = [value for run, value in ratios.items() if run.endswith('7bar')]
     return (
-        f'Medians of the pressures: {np.median(healthy):.2f} of {len(healthy)} runs of the three healthy seals, '
-        f'{np.median(at_7_bar):.2f} (at most {max(at_7_bar):.2f}) of those at 7 bar, '
-        f'{np.median(list(found.values())):.2f} of all.'
+        f'Medians of the pressures: {np.median(healthy):.2f} of {len(healthy)} runs with the three healthy seals, '
+        f'{np.median(at_7_bar):.2f} (at most {max(at_7_bar):.2f}) of the runs at 7 bar, '
+        f'{np.median(list(ratios.values())):.2f} of all runs.'
     )
 
 
 def main() -> int:
-    """Identify each run, write the document."""
+    """Identify each run and write the document."""
     runs = sorted([*(DATA / 'friction').glob('*.csv'), *(DATA / 'rerun').glob('*.csv')])
     if not runs:
-        print(f'measured_runs: no runs in {DATA}: set CFD_PNEUMATIC_DATA to the folder that holds them')
+        print(f'measured_runs: no measured runs in {DATA}. Set CFD_PNEUMATIC_DATA to the folder of the measured data.')
         return 2
     leaks = [line for path in sorted((DATA / 'chamber_decay').glob('*.csv')) for line in leaks_of(path)]
-    said = list(side_by_side(said_of, runs, 'measured runs'))
-    write_text(DOCUMENT, document(said, leaks, predictions.document(DATA), notes_in(DOCUMENT)))
+    results = list(side_by_side(results_of, runs, 'measured runs'))
+    write_text(DOCUMENT, document(results, leaks, predictions.document(DATA), notes_in(DOCUMENT)))
     return 0
 
 

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Count the false alarms of the watch against the mean time between them that is asked for.
+Count the false alarms of the watch, and compare the count with the required mean time between false alarms.
 
     make monitor-figures                 # an hour; writes docs/monitor.md
-    make monitor-figures ARGS='--quick'  # a taste, printed
+    make monitor-figures ARGS='--quick'  # a few hours of residuals, printed
 
-They are counted over residuals that are drawn as the rig's sensors make them, in which the model cancels, and over
-hours of the rig itself beside its identified model. Blocks, whitening and charts are the watch's own throughout. Seeds
-below 1000 were for developing, those from 1000 on are for what is reported.
+The residuals are random sensor noise, and residuals of the rig against its identified model. Blocks, whitening and
+charts are those of the watch. Seeds below 1000 were used for development; seeds from 1000 on are reported.
 """
 
 from __future__ import annotations
@@ -39,23 +38,23 @@ BLOCK = 0.2  # [s]
 SAMPLES = round(RATE * BLOCK)  # in a block
 LEARNING = 300.0  # [s]
 INTERVALS = {'10 minutes': 600.0, '1 hour': 3600.0, '1 day': 86_400.0}
-"""Mean times between false alarms that are asked for [s]."""
+"""Required mean times between false alarms [s]."""
 
 CHANNELS = (*CYLINDERS, CONTACT_FORCE)
 FIRST_SEED = 1000
 EPOCH = 1_700_000_000_000_000_000
 SETTLING = 1.0  # of the model [s]
-PIECE = 3600.0  # residuals that are drawn at a time [s]
-STRETCH = 600.0  # of a rig that is recorded at a time [s]
-WATCH = 6 * 3600.0  # after one learning [s]
-PLAYED = 1200.0  # duration of a surface, which repeats itself [s]
+PIECE = 3600.0  # of random residuals in memory [s]
+STRETCH = 600.0  # of a rig's recording in memory [s]
+WATCH = 6 * 3600.0  # after each learning [s]
+SURFACE_DURATION = 1200.0  # of a surface, which repeats [s]
 DOCUMENT = ROOT / 'docs' / 'monitor.md'
 
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
 
 class Count(NamedTuple):
-    """False alarms in a time of watching."""
+    """Number of false alarms in a watched time."""
 
     alarms: int
     seconds: float
@@ -67,120 +66,125 @@ class Count(NamedTuple):
         return self.seconds / most, self.seconds / least if least else np.inf
 
 
-# false alarms over drawn residuals
+# false alarms over random residuals
 
 
 def white(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Return what a pressure sensor makes of a pressure: white noise and the converter's rounding [Pa]."""
+    """Return the error of a pressure sensor: white noise and the converter's rounding [Pa]."""
     sensors = Sensors()
     level = sensors.pressure_range[0] + 7e4 + rng.uniform(0.0, sensors.step(sensors.pressure_range))
     return sensors.measure_pressure(np.full(count, level), rng) - level
 
 
 def coloured(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Return noise of the same size through a sensor's filter, as the panel's coloured sensors have it [Pa]."""
-    memory = 0.9
-    drawn = rng.standard_normal(count + 100) * Sensors().pressure_noise * np.sqrt(1.0 - memory**2)
-    return lfilter([1.0], [1.0, -memory], drawn)[100:]
+    """Return autocorrelated noise with the sensor's standard deviation, as in the panel [Pa]."""
+    correlation = 0.9
+    innovations = rng.standard_normal(count + 100) * Sensors().pressure_noise * np.sqrt(1.0 - correlation**2)
+    return lfilter([1.0], [1.0, -correlation], innovations)[100:]
 
 
-def watchers(blocks: Iterator[ResidualBlock], name: str, channels: int) -> dict[str, WatchedSignal]:
-    """Return a channel for each interval, which has learned what is usual from the first blocks."""
+def watched_signals(blocks: Iterator[ResidualBlock], name: str, channels: int) -> dict[str, WatchedSignal]:
+    """Return a watched signal for each interval, with a baseline learned from the first blocks."""
     learning, length = round(LEARNING / BLOCK), round(BLOCK * 1e9)
-    found = {
+    signals = {
         label: WatchedSignal(name, learning, length, channels * interval / BLOCK)
         for label, interval in INTERVALS.items()
     }
-    for block, channel in itertools.product(itertools.islice(blocks, learning), found.values()):
+    for block, channel in itertools.product(itertools.islice(blocks, learning), signals.values()):
         channel.add_block(block)
-    return found
+    return signals
 
 
 def blocks_of(residuals: np.ndarray, rates: np.ndarray) -> Iterator[ResidualBlock]:
-    """Yield residuals in blocks."""
+    """Yield the blocks of a residual."""
     for number in range(residuals.size // SAMPLES):
-        own = slice(number * SAMPLES, (number + 1) * SAMPLES)
-        yield ResidualBlock(EPOCH + round(number * BLOCK * 1e9), residuals[own], rates[own])
+        part = slice(number * SAMPLES, (number + 1) * SAMPLES)
+        yield ResidualBlock(EPOCH + round(number * BLOCK * 1e9), residuals[part], rates[part])
 
 
-def alarms_of(found: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.ndarray) -> dict[str, int]:
-    """Return how often charts ring over blocks, whose features are the same at each interval."""
-    baseline = next(iter(found.values())).baseline
-    assert baseline is not None  # it has learned
+def alarms_of(signals: dict[str, WatchedSignal], residuals: np.ndarray, rates: np.ndarray) -> dict[str, int]:
+    """Return the number of alarms over the blocks of a residual, for each interval."""
+    baseline = next(iter(signals.values())).baseline
+    assert baseline is not None  # the watched signals have learned
     noise_model = baseline.noise_model
     innovations = noise_model.innovations(noise_model.weighted(residuals, rates), np.empty(0))
     features = noise_model.features(innovations.reshape(-1, SAMPLES))
-    return {label: sum(map(rings, channel.charts, features)) for label, channel in found.items()}
+    return {label: sum(map(chart_alarms, signal.charts, features)) for label, signal in signals.items()}
 
 
-def rings(chart: Chart, values: np.ndarray) -> int:
-    """Return how often a chart rings."""
+def chart_alarms(chart: Chart, values: np.ndarray) -> int:
+    """Return the number of alarms of a chart."""
     alarms = 0
-    while (at := chart.update(values)) >= 0:
+    while (index := chart.update(values)) >= 0:
         alarms += 1
         chart.reset_sums()
-        values = values[at + 1 :]
+        values = values[index + 1 :]
     return alarms
 
 
-def drawn_alarms(draw: Draw, runs: int, seconds: float) -> dict[str, Count]:
-    """Return the false alarms over drawn residuals, for each interval; a run learns anew."""
+def noise_alarms(draw: Draw, runs: int, seconds: float) -> dict[str, Count]:
+    """Return the false alarms over random residuals for each interval; each run learns a new baseline."""
     alarms: Counter[str] = Counter()
     for seed in range(FIRST_SEED, FIRST_SEED + runs):
         for name, child in zip(CHANNELS, np.random.SeedSequence(seed).spawn(len(CHANNELS))):
             rng = np.random.default_rng(child)
             learned = draw(rng, round((LEARNING + 1.0) * RATE))
-            found = watchers(blocks_of(learned, np.zeros_like(learned)), name, len(CHANNELS))
+            signals = watched_signals(blocks_of(learned, np.zeros_like(learned)), name, len(CHANNELS))
             for _ in range(round(seconds / PIECE)):
                 residuals = draw(rng, round(PIECE * RATE))
-                alarms.update(alarms_of(found, residuals, np.zeros_like(residuals)))
+                alarms.update(alarms_of(signals, residuals, np.zeros_like(residuals)))
     return {label: Count(alarms[label], runs * seconds) for label in INTERVALS}
 
 
-# the rig beside its model
+# the rig and its model
 
 
 def surfaces(rig: RigParameters, seed: int, duration: float = 60.0) -> Performance:
-    """Return a rig that follows a random surface, over and over."""
+    """Return a rig that follows a random surface repeatedly."""
     schedule = surface_following(duration=duration, seed=seed).with_return()
     return Performance(schedule, rig, seed=seed, repeat=True)
 
 
-def residuals_of(device: DeviceModel, got: RigRecord) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return residuals and rates of each cylinder, in whole blocks from when the model has settled."""
-    found = {}
+def residuals_of(device: DeviceModel, recorded: RigRecord) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return residuals and rates of each cylinder, in whole blocks after the model has settled."""
+    residuals = {}
     begin = round(SETTLING * RATE)
-    kept = slice(begin, begin + (got.times.size - begin) // SAMPLES * SAMPLES)
+    settled = slice(begin, begin + (recorded.times.size - begin) // SAMPLES * SAMPLES)
     for index, (name, cylinder) in enumerate(zip(CYLINDERS, (device.a, device.b))):
         assert cylinder is not None
-        predicted = cylinder.simulate(got.times, DIRECTIONS[name] * got.displacement, got.setpoints[:, index])
-        rates = np.diff(predicted, prepend=predicted[:1]) / np.diff(got.times, prepend=got.times[0] - 1.0)
-        found[name] = (got.pressures[:, index] - predicted)[kept], rates[kept]
-    return found
+        predicted = cylinder.simulate(
+            recorded.times, DIRECTIONS[name] * recorded.displacement, recorded.setpoints[:, index]
+        )
+        rates = np.diff(predicted, prepend=predicted[:1]) / np.diff(recorded.times, prepend=recorded.times[0] - 1.0)
+        residuals[name] = (recorded.pressures[:, index] - predicted)[settled], rates[settled]
+    return residuals
 
 
 def rig_alarms(frozen: bool, runs: int, seconds: float) -> dict[str, Count]:
     """
-    Return the false alarms on rigs beside their models, for each interval.
+    Return the false alarms over residuals of rigs against their models, for each interval.
 
-    A rig is drawn at random and as the paper's, or the rig as it is. Its model is identified from a minute of it.
+    If `frozen`, the rigs are random devices that follow the paper's model; else each is the default rig. The model is
+    identified from a minute of the rig.
     """
     alarms: Counter[str] = Counter()
     watched = 0.0
     for seed in range(FIRST_SEED, FIRST_SEED + runs):
         rig = draw_specimen(np.random.default_rng(seed))[0].rig if frozen else RigParameters()
-        got = record(surface_following(duration=60.0, seed=seed), rig, seed=seed)
-        device = identified_device(identify([recording_of(got)])).model
-        performance = surfaces(rig, seed + 500_000, PLAYED)
+        recorded = record(surface_following(duration=60.0, seed=seed), rig, seed=seed)
+        device = identified_device(identify([recording_of(recorded)])).model
+        performance = surfaces(rig, seed + 500_000, SURFACE_DURATION)
         learned = residuals_of(device, performance.advance(round((LEARNING + 3.0) * RATE)))
-        found = {name: watchers(blocks_of(*own), name, len(CYLINDERS)) for name, own in learned.items()}
-        own_time = 0.0
-        while own_time < seconds:
-            own = residuals_of(device, performance.advance(round(STRETCH * RATE)))
-            for name, channel in found.items():
-                alarms.update(alarms_of(channel, *own[name]))
-            own_time += own[CYLINDERS[0]][0].size / RATE
-        watched += own_time
+        signals_by_name = {
+            name: watched_signals(blocks_of(*residuals), name, len(CYLINDERS)) for name, residuals in learned.items()
+        }
+        watched_on_rig = 0.0
+        while watched_on_rig < seconds:
+            residuals = residuals_of(device, performance.advance(round(STRETCH * RATE)))
+            for name, signals in signals_by_name.items():
+                alarms.update(alarms_of(signals, *residuals[name]))
+            watched_on_rig += residuals[CYLINDERS[0]][0].size / RATE
+        watched += watched_on_rig
     return {label: Count(alarms[label], watched) for label in INTERVALS}
 
 
@@ -188,17 +192,17 @@ def rig_alarms(frozen: bool, runs: int, seconds: float) -> dict[str, Count]:
 
 
 def measured(quick: bool) -> dict[str, dict[str, Count]]:
-    """Return the false alarms by what was watched; a taste of it where it is to be quick."""
+    """Return the false alarms by kind of residual; `quick` watches a shorter time."""
     runs, seconds = (4, 2 * PIECE) if quick else (120, WATCH)
-    found = {f'{draw.__name__} noise, drawn': drawn_alarms(draw, runs, seconds) for draw in (white, coloured)}
+    counts = {f'{draw.__name__} noise, random': noise_alarms(draw, runs, seconds) for draw in (white, coloured)}
     runs, seconds = (1, 2 * STRETCH) if quick else (12, 6 * STRETCH)
-    found['rig as the paper’s device, beside its model'] = rig_alarms(True, runs, seconds)
-    found['rig as it is, its model without effects'] = rig_alarms(False, runs, seconds)
-    return found
+    counts['rig that follows the paper’s model'] = rig_alarms(True, runs, seconds)
+    counts['default rig, model without effects'] = rig_alarms(False, runs, seconds)
+    return counts
 
 
 def duration(seconds: float) -> str:
-    """Return a time as people say it."""
+    """Return a time as text, in a suitable unit."""
     for unit, size in (('d', 86_400.0), ('h', 3600.0), ('min', 60.0)):
         if seconds >= size:
             return f'{seconds / size:.3g} {unit}'
@@ -208,30 +212,38 @@ def duration(seconds: float) -> str:
 def table_of(counts: Mapping[str, Mapping[str, Count]]) -> str:
     """Return the table of false alarms."""
     lines = []
-    for title, asked in itertools.product(counts, INTERVALS):
-        count = counts[title][asked]
+    for title, required in itertools.product(counts, INTERVALS):
+        count = counts[title][required]
         low, high = count.interval()
         interval = f'{duration(low)} to {duration(high) if np.isfinite(high) else "any"}'
         mean = duration(count.seconds / count.alarms) if count.alarms else 'none'
-        expected = f'{count.seconds / INTERVALS[asked]:.3g}'
-        lines.append([title, duration(count.seconds), asked, expected, count.alarms, mean, interval])
-    heading = ['residual', 'watched', 'asked for', 'expected', 'false alarms', 'mean time between', '95 % interval']
+        expected = f'{count.seconds / INTERVALS[required]:.3g}'
+        lines.append([title, duration(count.seconds), required, expected, count.alarms, mean, interval])
+    heading = [
+        'residual',
+        'watched',
+        'required interval',
+        'expected',
+        'false alarms',
+        'mean time between',
+        '95 % interval',
+    ]
     return table(heading, lines)
 
 
 def document(counts: Mapping[str, Mapping[str, Count]]) -> str:
-    """Return docs/monitor.md."""
+    """Return the text of docs/monitor.md."""
     parts = [
-        '# What the watch notices, and how often it is wrong',
+        '# False alarms of the watch',
         f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',
-        f'Everything at {RATE} Hz: blocks of {BLOCK:g} s, {LEARNING:g} s of learning, two cylinders and the force '
-        '(drawn) or two cylinders (rig). Thresholds and whitening were developed on seeds below 1000; these are seeds '
-        f'from {FIRST_SEED} on.',
-        '## False alarms',
-        'Noise is drawn as the rig’s pressure sensor makes it (white, 12 bits), and with a memory of 0.9 from sample '
-        f'to sample. Each noise is watched 120 times {WATCH / 3600.0:g} hours, each after a learning of its own; '
-        'intervals are exact for a Poisson count (Garwood, 1936). The rig follows random surfaces while its set-points '
-        'step every 1 to 4 s; its model was identified from another minute.',
+        f'Rate {RATE} Hz, blocks of {BLOCK:g} s, {LEARNING:g} s of learning. Channels: two cylinders and the force '
+        '(random noise), or two cylinders (rig). Thresholds and whitening were developed on seeds below 1000. The '
+        f'reported seeds begin at {FIRST_SEED}.',
+        '## Counts',
+        'The random noise is that of the rig’s pressure sensor (white, 12 bits), and autocorrelated noise with a '
+        f'correlation of 0.9 between samples. Each noise is watched 120 times for {WATCH / 3600.0:g} hours, each time '
+        'after a new learning. Intervals are exact for a Poisson count (Garwood, 1936). The rig follows random '
+        'surfaces while its set-points step every 1 to 4 s. Its model was identified from a separate minute.',
         table_of(counts),
         notes_in(DOCUMENT),
     ]
@@ -239,9 +251,9 @@ def document(counts: Mapping[str, Mapping[str, Count]]) -> str:
 
 
 def main() -> None:
-    """Count false alarms, and write the document."""
+    """Count false alarms and write the document."""
     parser = argparse.ArgumentParser(description='Count the false alarms of the watch.')
-    parser.add_argument('--quick', action='store_true', help='a taste, printed only')
+    parser.add_argument('--quick', action='store_true', help='watch a shorter time, and print the table only')
     if parser.parse_args().quick:
         print(table_of(measured(quick=True)))
     else:

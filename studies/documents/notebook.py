@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/python.ipynb: docs/python.md as a notebook, executed; make notebook writes it."""
+"""Convert docs/python.md to an executed notebook: make notebook writes docs/python.ipynb."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ _FENCE = re.compile(r'^```(python|sh)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 
 
 def notebook() -> nbformat.NotebookNode:
-    """Return the page's notebook, not executed."""
-    made = nbformat.v4.new_notebook(cells=list(_cells()))
-    for rank, cell in enumerate(made.cells):
-        cell.id = f'cell-{rank}'  # a random one would differ each time
-    return made
+    """Return the page as a notebook that is not executed."""
+    page = nbformat.v4.new_notebook(cells=list(_cells()))
+    for rank, cell in enumerate(page.cells):
+        cell.id = f'cell-{rank}'  # nbformat's random id would differ in each run
+    return page
 
 
 def _cells() -> Iterator[nbformat.NotebookNode]:
@@ -38,16 +38,16 @@ def _cells() -> Iterator[nbformat.NotebookNode]:
 
 
 def executed(folder: Path) -> nbformat.NotebookNode:
-    """Return the notebook with its outputs; it runs in a kernel of its own, in a folder."""
-    made = notebook()
-    NotebookClient(made, timeout=600, resources={'metadata': {'path': str(folder)}}).execute(
+    """Return the notebook with outputs, executed in a folder by a new kernel."""
+    page = notebook()
+    NotebookClient(page, timeout=600, resources={'metadata': {'path': str(folder)}}).execute(
         env=programs(folder / 'programs')
     )
-    return made
+    return page
 
 
 def main() -> None:
-    """Write the notebook."""
+    """Write the executed notebook."""
     with tempfile.TemporaryDirectory() as folder:
         write_text(NOTEBOOK, nbformat.writes(executed(Path(folder))) + '\n')
 

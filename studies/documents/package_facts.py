@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What setup.py says of the package; it is read and not run."""
+"""Read facts about the package from setup.py, without running it."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from studies.tools.provenance import ROOT
 
 
 def setup_arguments() -> dict[str, Any]:
-    """Return those arguments of setup.py's `setup` that are literals."""
+    """Return the literal arguments of the call of `setup` in setup.py."""
     tree = ast.parse((ROOT / 'setup.py').read_text(encoding='utf-8'))
     call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) == 'setup')
-    found = {}
+    arguments = {}
     for keyword in call.keywords:
         try:
-            found[str(keyword.arg)] = ast.literal_eval(keyword.value)
+            arguments[str(keyword.arg)] = ast.literal_eval(keyword.value)
         except ValueError:
             continue
-    return found
+    return arguments
 
 
 def programs() -> dict[str, str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate many parameter sets over one recording, on all cores: a figure of docs/speed.md."""
+"""Simulate many parameter sets over a recording on all cores, for a figure of docs/speed.md."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ def simulate_parameter_sets(
     gains: np.ndarray, times: np.ndarray, displacement: np.ndarray, setpoint: np.ndarray
 ) -> np.ndarray:
     """
-    Return the outlet pressures by many parameter sets [Pa], shape (sets, n), each at rest at the first sample.
+    Return the outlet pressures of each parameter set [Pa], shape (sets, n), from rest at the first sample.
 
     Parameters
     ----------
     gains
-        Of each set in the order of `SPECS`, shape (sets, gains) [SI].
+        Gains of each set in the order of `SPECS`, shape (sets, gains) [SI].
     times, displacement, setpoint
         As in `Cylinder.simulate`.
 
@@ -38,7 +38,7 @@ def simulate_parameter_sets(
 
 @fused
 def _propagate_sets(times, displacement, setpoint, gains, states, pressures):  # type: ignore[no-untyped-def]
-    """Fill in the pressures by gains k_x, k_sv, k_v, tau of each set."""
+    """Fill in the pressures for the gains k_x, k_sv, k_v, tau of each set."""
     table = np.zeros((1, 5))
     for row in range(len(gains)):
         table[0, 1:] = gains[row]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What `plan_experiment` predicts beside what the virtual rig then gives: make planning-document writes docs/planning.md.
+Compare the predictions of `plan_experiment` with the virtual rig: make planning-document writes docs/planning.md.
 
-A parameter file is some percent off the true device, as one is that was identified before. The schedule that is planned
-with it is played on the rig, which shares no code with the model, and identified.
+The plan is made with a parameter file that differs from the true device by some percent, as after an identification.
+The rig, which shares no code with the model, plays the planned schedule. Its recording is identified.
 """
 
 from __future__ import annotations
@@ -45,24 +45,24 @@ from studies.tools.provenance import ROOT, commit, machine
 DOCUMENT = ROOT / 'docs' / 'planning.md'
 
 SEEDS = range(510, 512)
-"""Devices that are reported; 0, 1, 500 and 501 were used in development."""
+"""Seeds of the reported devices; 0, 1, 500 and 501 were used in development."""
 
 LIMITS = Limits((6.0 * PSI, 12.0 * PSI), duration=20.0)
-OFF = 0.05
-"""By which each parameter in the file is off the true one, up or down."""
+PARAMETER_ERROR = 0.05
+"""Relative error of each parameter in the file, up or down [-]."""
 
 RUNS = 30
-"""Recordings of one device, to see how estimates scatter."""
+"""Number of recordings of a device for the scatter of estimates."""
 
 TIMES = (2.0, 0.1)
-"""Strengths over the smallest that is predicted to show, at which effects are installed."""
+"""Strengths of installed effects, divided by the smallest visible strength of the prediction [-]."""
 
 
 REFERENCE = 10.0 * PSI
 """Gauge pressure about which strengths are converted [Pa]."""
 
 EFFECTS = [name for name in MODELLED if name not in FORCE_EFFECTS]
-"""Those on the pressure."""
+"""Effects on the pressure."""
 
 INSTALLED: dict[str, Callable[[float, Gains], float]] = {
     'volume_variation': lambda slope, gains: slope * 1.2 * (AMBIENT_PRESSURE + REFERENCE) / gains.k_x,
@@ -75,15 +75,15 @@ INSTALLED: dict[str, Callable[[float, Gains], float]] = {
     'nonlinear_valve': lambda exponent, gains: abs(math.log(exponent)),
     'heat_transfer': lambda loss, gains: 1.0 / loss,
 }
-"""From an effect's first strength, without its sign, to the panel's, where that is another."""
+"""Conversions of an effect's first parameter, without sign, to the panel's strength, if the two differ."""
 
 POSSIBLE = {'volume_variation': (0.0, 1.0), 'line_restriction': (5e-4, math.inf), 'heat_transfer': (0.0, 10.0)}
-"""Strengths that the rig can make, where it can't make all."""
+"""Limits of strengths that the rig can simulate, if it cannot simulate all."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A device and the plan that was made for it with a file a little off."""
+    """A device, and the plan that was made with an inexact parameter file."""
 
     seed: int
     gains: Gains
@@ -91,32 +91,36 @@ class Case:
     schedule: Schedule
 
     @classmethod
-    def of(cls, seed: int) -> Case:
-        """Return the case of a seed, which picks the device and how the file is off."""
+    def from_seed(cls, seed: int) -> Case:
+        """Return the case of a seed, which determines the device and the errors of the file."""
         gains = draw(None, 'paper_step', seed).truth.gains
         rng = np.random.default_rng([seed, 1])
-        guessed = np.array(gains) * (1.0 + OFF * rng.choice([-1.0, 1.0], len(gains)))
+        assumed = np.array(gains) * (1.0 + PARAMETER_ERROR * rng.choice([-1.0, 1.0], len(gains)))
         level = LIMITS.pressures[0]
-        values: dict[str, Value] = {f'cylinder_a.{name}': (value,) for name, value in zip(NAMES, guessed.tolist())}
+        values: dict[str, Value] = {f'cylinder_a.{name}': (value,) for name, value in zip(NAMES, assumed.tolist())}
         device = Device({'cylinder_a.setpoints': (level,), **values, 'cylinder_b.enabled': False})
-        found = plan(device, LIMITS)
+        planned = plan(device, LIMITS)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / 'schedule.csv'
-            write_text(file, found.proposal.table())
-            return cls(seed, gains, found, written_schedule(file))
+            write_text(file, planned.proposal.table())
+            return cls(seed, gains, planned, written_schedule(file))
 
     def predicted(self, effect: str) -> EffectPrediction:
-        """Return what is predicted of an effect on the pressure."""
-        return next(one for one in self.plan.effects if one.effect == effect and one.channel == 'cylinder_a')
+        """Return the prediction for an effect on the pressure."""
+        return next(
+            prediction
+            for prediction in self.plan.effects
+            if prediction.effect == effect and prediction.channel == 'cylinder_a'
+        )
 
     def strength(self, effect: str, times: float) -> float | None:
-        """Return the panel's strength that is some times what just shows; None where the rig has none so large."""
+        """Return the panel's strength at a multiple of the smallest visible one; None if the rig has no such effect."""
         on_rig = ON_RIG[effect]
         smallest = self.predicted(effect).smallest
         if not smallest:
             return None if smallest is None or times < 1.0 else on_rig.weakest
         value = abs(next(iter(smallest.values())))
-        if effect == 'operating_point':  # gains follow the pressure as they do in nature, or not at all
+        if effect == 'operating_point':  # on the rig the gains depend on the pressure fully or not at all
             return 1.0 if value * times > 1.0 else None
         if effect == 'flow_saturation' and 'charge' not in smallest:
             value *= self.gains.k_sv / self.gains.k_v
@@ -129,12 +133,12 @@ class Case:
 
 
 def fitted(recording: Recording) -> Fit:
-    """Return the fit of the paper's model as `identify_bag` makes it."""
+    """Return the fit of the paper's model to a recording, as in `identify_bag`."""
     return identify([recording]).channels['cylinder_a'].fit
 
 
 class Job(NamedTuple):
-    """An effect on a device, at some times the strength that just shows."""
+    """An effect on a device, at a multiple of the smallest visible strength."""
 
     seed: int
     effect: str
@@ -142,13 +146,13 @@ class Job(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What closing the loop named in it, with what it could not tell it from; None where the rig can't make it."""
+    """Effects that the loop named, and alternatives that it could not distinguish from them."""
 
     effects: tuple[str, ...]
     alternatives: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return it for people."""
+        """Return the named effects with their alternatives."""
         rivals = f' (or {", ".join(self.alternatives)})' if self.alternatives else ''
         return f'{", ".join(self.effects)}{rivals}' if self.effects else 'none'
 
@@ -156,30 +160,30 @@ class Outcome(NamedTuple):
 @cache
 def case(seed: int) -> Case:
     """Return the case of a seed."""
-    return Case.of(seed)
+    return Case.from_seed(seed)
 
 
 def run(job: Job) -> Outcome | None:
-    """Return what is named in a recording of a device with an effect."""
+    """Return the outcome of a job; None if the rig cannot simulate the effect at this strength."""
     strength = case(job.seed).strength(job.effect, job.times)
     if strength is None:
         return None
     drawn = draw(job.effect, case(job.seed).schedule, job.seed, given={job.effect: strength})
-    _, found = close_loop(fitted(cylinder_a_of(drawn)))
-    alternatives = dict.fromkeys(itertools.chain.from_iterable(found.alternatives.values()))
-    return Outcome(found.effects, tuple(alternatives))
+    _, conclusion = close_loop(fitted(cylinder_a_of(drawn)))
+    alternatives = dict.fromkeys(itertools.chain.from_iterable(conclusion.alternatives.values()))
+    return Outcome(conclusion.effects, tuple(alternatives))
 
 
 def scatter(seed: int, runs: int) -> tuple[Array, Array]:
-    """Return the estimates of recordings of one healthy device that differ in noise, and their standard errors."""
+    """Return estimates and standard errors from recordings of a healthy device with different noise."""
     cylinder = cylinder_with(case(seed).gains, 1.3, Air())
     rig = RigParameters(cylinder_a=cylinder, cylinder_b=cylinder)
     estimates = []
     for noise in range(runs):
         recording = recording_of(record(case(seed).schedule, rig, seed=noise), 'planned')
-        alone = replace(recording, cylinders={'cylinder_a': recording.cylinders['cylinder_a']}, force=None)
-        found = fitted(alone)
-        estimates.append([(one.value, one.std) for one in found.estimates])
+        pressure_only = replace(recording, cylinders={'cylinder_a': recording.cylinders['cylinder_a']}, force=None)
+        fit = fitted(pressure_only)
+        estimates.append([(estimate.value, estimate.std) for estimate in fit.estimates])
     values, stds = np.moveaxis(np.array(estimates, dtype=np.float64), 2, 0)
     return values, stds
 
@@ -196,31 +200,31 @@ def document(seeds: Sequence[int], runs: int) -> str:
     minutes = (time.monotonic() - began) / 60.0
     low, high = (pressure / PSI for pressure in LIMITS.pressures)
     parts = [
-        '# A plan and what came of it',
+        '# Predictions of a plan and their test',
         ' '.join(__doc__.split('\n\n')[1].split()),
         '- Command: `make planning-document`\n'
-        f'- Machine: {machine()}; {minutes:.1f} minutes, on cores shared with others\n'
+        f'- Machine: {machine()}; {minutes:.1f} minutes, on shared cores\n'
         f'- Commit {commit()}\n'
         f'- Limits: {LIMITS.stroke * 1e3:g} mm, {LIMITS.speed:g} m/s, {LIMITS.acceleration:g} m/s^2, '
-        f'{low:g} to {high:g} psig, {LIMITS.duration:g} s at 500 Hz; each parameter in the file is {OFF:.0%} off\n'
-        f'- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
+        f'{low:g} to {high:g} psig, {LIMITS.duration:g} s at 500 Hz; each parameter in the file is '
+        f'{PARAMETER_ERROR:.0%} off\n- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
         '## Standard errors',
-        f'Of one healthy device, {runs} recordings that differ in noise. All in % of the true value; a '
+        f'Healthy device, {runs} recordings with different noise. All values in % of the true value. A '
         f'standard deviation of {runs} values is uncertain by {100.0 / math.sqrt(2.0 * (runs - 1)):.0f} %.',
         _scatter_table(case(seeds[0]), values, stds),
         '## Effects',
-        'Predicted: from which strength on an effect shows. Installed at twice that strength, and at a tenth, '
-        'where no effect is worth a name; a hyphen where the rig makes none so large or so small.',
+        'Predicted: the smallest visible strength of each effect. The rig has the effect at twice this strength, and '
+        'at a tenth, at which no effect should be named. A hyphen: the rig cannot simulate the strength.',
         _summary(outcomes),
         _effects_table(seeds, outcomes),
     ]
     return '\n\n'.join(parts) + '\n'
 
 
-def _scatter_table(of: Case, values: Array, stds: Array) -> str:
+def _scatter_table(case: Case, values: Array, stds: Array) -> str:
     lines = []
-    for name, true, value, std in zip(NAMES, of.gains, values.T, stds.T):
-        predicted = next(one for one in of.plan.parameters if one.name == name).std or math.nan
+    for name, true, value, std in zip(NAMES, case.gains, values.T, stds.T):
+        predicted = next(parameter for parameter in case.plan.parameters if parameter.name == name).std or math.nan
         spread = float(np.std(value, ddof=1))
         shares = [f'{100.0 * share / true:.3f}' for share in (predicted, spread, np.mean(std))]
         off = np.mean(value) / true - 1.0
@@ -230,17 +234,17 @@ def _scatter_table(of: Case, values: Array, stds: Array) -> str:
 
 
 def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
-    strong = {job: one for job, one in outcomes.items() if job.times == TIMES[0] and one is not None}
-    weak = [one for job, one in outcomes.items() if job.times == TIMES[1] and one is not None]
-    firsts = {job: next(iter(one.effects), '') for job, one in strong.items()}
+    strong = {job: outcome for job, outcome in outcomes.items() if job.times == TIMES[0] and outcome is not None}
+    weak = [outcome for job, outcome in outcomes.items() if job.times == TIMES[1] and outcome is not None]
+    firsts = {job: next(iter(outcome.effects), '') for job, outcome in strong.items()}
     first = sum(name == job.effect for job, name in firsts.items())
-    held = sum(job.effect in (*one.effects, *one.alternatives) for job, one in strong.items())
-    foretold = sum(name in case(job.seed).predicted(job.effect).alternatives for job, name in firsts.items())
-    clean = sum(not one.effects for one in weak)
+    listed = sum(job.effect in (*outcome.effects, *outcome.alternatives) for job, outcome in strong.items())
+    predicted = sum(name in case(job.seed).predicted(job.effect).alternatives for job, name in firsts.items())
+    clean = sum(not outcome.effects for outcome in weak)
     return (
         f'At twice the strength the effect is named first in {first} of {len(strong)} recordings, and named or listed '
-        f'as an alternative in {held}; in {foretold} another is named first that it was said not to be told from.'
-        f' At a tenth nothing is named in {clean} of {len(weak)}.'
+        f'as an alternative in {listed}. In {predicted} recordings a predicted alternative is named first.'
+        f' At a tenth no effect is named in {clean} of {len(weak)} recordings.'
     )
 
 
@@ -248,10 +252,12 @@ def _effects_table(seeds: Sequence[int], outcomes: Mapping[Job, Outcome | None])
     lines = []
     for effect in EFFECTS:
         predicted = [case(seed).predicted(effect) for seed in seeds]
-        rivals = dict.fromkeys(rival for one in predicted for rival in one.alternatives)
-        found = ['<br>'.join(str(outcomes[Job(seed, effect, times)] or '-') for seed in seeds) for times in TIMES]
-        lines.append([f'`{effect}`', '<br>'.join(map(smallest_strength_text, predicted)), ', '.join(rivals), *found])
-    return table(['effect', 'shows from', 'not to be told from', 'named at twice that', 'at a tenth of that'], lines)
+        rivals = dict.fromkeys(rival for prediction in predicted for rival in prediction.alternatives)
+        named = ['<br>'.join(str(outcomes[Job(seed, effect, times)] or '-') for seed in seeds) for times in TIMES]
+        lines.append([f'`{effect}`', '<br>'.join(map(smallest_strength_text, predicted)), ', '.join(rivals), *named])
+    return table(
+        ['effect', 'smallest visible strength', 'not distinguishable from', 'named at twice', 'named at a tenth'], lines
+    )
 
 
 def main() -> None:

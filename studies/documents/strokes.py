@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Strokes of a device whose gains are known, of any length: what simulation and fit are measured with.
+Make recordings of any length with known gains, for benchmarks of simulation and fit.
 
-Strokes of 1.5 mm every 0.35 s at a constant set-point; the pressure is the model's, with white noise.
+The piston moves 1.5 mm every 0.35 s at a constant set-point. The pressure is the model's with white noise.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ GAINS = np.array([4.33e6, 104.0, 19.4, 0.0105])
 NOISE = 52.0  # of the pressure [Pa]
 CHANNEL = Pressure('cylinder_a', AMBIENT)
 CYLINDER = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT)
-PERIOD = 1e-3  # of an hour and more [s]
-SHORT_PERIOD = 2e-3  # of less
+PERIOD = 1e-3  # of recordings of more than a million samples [s]
+SHORT_PERIOD = 2e-3  # of shorter recordings [s]
 
 
 def displacement_at(times: np.ndarray) -> np.ndarray:
@@ -33,7 +33,7 @@ def displacement_at(times: np.ndarray) -> np.ndarray:
 
 @cache
 def record(samples: int, jitter: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return times, displacement and set-point; `jitter` is a share of what may be, at which no two samples swap."""
+    """Return times, displacement and set-point; at a `jitter` of 1 times move by up to 0.3 periods."""
     period = PERIOD if samples > 1e6 else SHORT_PERIOD
     times = period * (np.arange(samples) + jitter * np.random.default_rng(1).uniform(-0.3, 0.3, samples))
     return times, displacement_at(times), np.full(samples, SETPOINT)
@@ -41,10 +41,10 @@ def record(samples: int, jitter: float = 0.0) -> tuple[np.ndarray, np.ndarray, n
 
 @cache
 def experiment(samples: int) -> Experiment:
-    """Return such a record with its pressure, made ready for a fit as a user's would."""
+    """Return a record with its pressure as an experiment for a fit."""
     times, displacement, setpoint = record(samples)
     measured = CYLINDER.simulate(times, displacement, setpoint) + NOISE * np.random.default_rng(0).normal(size=samples)
     cylinders = {'cylinder_a': CylinderSignals(Signal(times, measured), Signal(times[:1], setpoint[:1]))}
     recording = Recording('strokes', 0, Signal(times, displacement), cylinders, None, ())
-    one = prepare_recordings([recording]).experiments(CHANNEL)[0]
-    return replace(one, chosen=np.ones(samples, dtype=bool))
+    prepared = prepare_recordings([recording]).experiments(CHANNEL)[0]
+    return replace(prepared, chosen=np.ones(samples, dtype=bool))

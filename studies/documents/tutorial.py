@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The tutorial's commands, and the picture in it: make tutorial-picture.
+Run the tutorial's commands and take the tutorial's picture: make tutorial-picture.
 
-In `docs/tutorial.md` blocks of ``sh`` run one after the other in one folder, each block of ``bash`` is a program that
-runs on in a terminal of its own, and blocks of ``console`` need ROS 2's command line.
+Blocks of ``sh`` in `docs/tutorial.md` run in order in a common folder. Each block of ``bash`` is a program that runs
+on in a separate terminal. Blocks of ``console`` need ROS 2's command line.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from studies.tools.provenance import ROOT
 PAGE = ROOT / 'docs' / 'tutorial.md'
 PICTURE = ROOT / 'docs' / 'tutorial_report.png'
 REPORT = 'What the model lacks'
-"""The heading after whose blocks the report is there."""
+"""Heading of the section that writes the report."""
 
-_SIZE = 1100, 1000  # of the picture [CSS px]
+_SIZE = 1100, 1000  # size of the picture [CSS px]
 _FENCE = re.compile(r'^(?:## (?P<heading>[^\n]+)|```(?P<language>\w+)\n(?P<text>.*?)^```)$', re.MULTILINE | re.DOTALL)
 
 
 class Block(NamedTuple):
-    """A fenced block: the heading that it stands below, its language, its text."""
+    """A fenced block: heading of its section, language, text."""
 
     heading: str
     language: str
@@ -39,17 +39,17 @@ class Block(NamedTuple):
 
 
 def blocks(page: Path = PAGE) -> Iterator[Block]:
-    """Yield a page's fenced blocks, in their order."""
+    """Yield the fenced blocks of a page in order."""
     heading = ''
-    for found in _FENCE.finditer(page.read_text(encoding='utf-8')):
-        if found['heading']:
-            heading = found['heading']
+    for match in _FENCE.finditer(page.read_text(encoding='utf-8')):
+        if match['heading']:
+            heading = match['heading']
         else:
-            yield Block(heading, found['language'], found['text'])
+            yield Block(heading, match['language'], match['text'])
 
 
-def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Return an environment in which a shell finds the programs of this tree, by way of a folder that is made."""
+def programs(folder: Path, environment: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """Create a folder with the programs of this tree, and return an environment with the folder in PATH."""
     folder.mkdir()
     starts = {
         name: f'-c "import sys; from cfd_pneumatic.runtime.start import {name}; sys.exit({name}())" '
@@ -59,18 +59,18 @@ def programs(folder: Path, around: Mapping[str, str] = os.environ) -> dict[str, 
         program = folder / name
         program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {option}"$@"\n', encoding='utf-8')
         program.chmod(0o755)
-    paths = [str(ROOT), *filter(None, [around.get('PYTHONPATH')])]
-    return {**around, 'PATH': f'{folder}{os.pathsep}{around["PATH"]}', 'PYTHONPATH': os.pathsep.join(paths)}
+    paths = [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
+    return {**environment, 'PATH': f'{folder}{os.pathsep}{environment["PATH"]}', 'PYTHONPATH': os.pathsep.join(paths)}
 
 
 def run(text: str, folder: Path, environment: dict[str, str]) -> str:
-    """Return what a shell says to some lines in a folder; an error there ends this."""
-    done = subprocess.run(
+    """Run lines in a shell and return their output; raise RuntimeError if the shell fails."""
+    ended = subprocess.run(
         ['sh', '-euc', text], cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
-    if done.returncode != 0:
-        raise RuntimeError(f'{text}\nended with {done.returncode}:\n{done.stdout}')
-    return done.stdout
+    if ended.returncode != 0:
+        raise RuntimeError(f'{text}\nended with {ended.returncode}:\n{ended.stdout}')
+    return ended.stdout
 
 
 def main() -> int:

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Recordings of devices with something wrong with them, drawn at random, and what is wrong kept apart.
+Draw recordings of faulty devices at random; the fault is kept apart from the recording.
 
 ::
 
     from studies.panel import LIBRARY, baseline_rmse, draw, oracle_rmse
 
-    drawn = draw('leakage', 'surface_following', seed=7)
-    drawn.recording                              # arrays as the sensors give them, and nothing else
-    drawn.truth.effects, drawn.truth.strengths   # for whoever judges an answer
-    baseline_rmse(drawn) / oracle_rmse(drawn)    # whether anybody could have seen it
+    case = draw('leakage', 'surface_following', seed=7)
+    case.recording                             # arrays of the sensors
 
-The same seed draws the same device, schedule and noise whatever the effect, so that ``draw(None, ...)`` is its healthy
-twin.
+    case.truth.effects, case.truth.strengths   # for scoring an identification
+    baseline_rmse(case) / oracle_rmse(case)    # above 1.15: the effect is visible
+
+The same seed draws the same device, schedule and noise for every effect: ``draw(None, ...)`` is the healthy twin.
 """
 
 from studies.panel.drawing import NOISES, Draw, draw, draw_textbook

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How often the loop names the effect that is in a recording: make benchmark-effects.
+Measure how often the loop names the effect of a recording: make benchmark-effects.
 
-Recordings of the rig's panel (`studies.panel`) go through `identify` as a user's would
-(`panel_rows.py`), the answers are scored (`panel_scores.py`), and the document has the goals beside what was measured
-(`panel_document.py`).
+`rows.py` identifies the recordings of the panel as a user would. `scores.py` scores the answers. `document.py` compares
+the scores with the goals.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ SEEDS = {
     'whole': ((7, 14, 14), (0, 1, 1)),
     'healthy_whole': ((70, 70, 70), (7, 7, 7)),
 }
-"""How many by kind and schedule, and how many where it is to be quick: for each effect or noise, or of pairs."""
+"""Number of seeds by kind and schedule, in a full run and in a quick run: for each effect or noise, or of pairs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the panel, write the document; return the exit code."""
+    """Measure the panel and write its document; return the exit code."""
     options = _parsed(arguments)
 
     def seeds(kind: str, schedule: str) -> range:
@@ -48,51 +47,51 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     code = code_version()
     jobs = jobs_of(options.kinds, options.schedules, seeds, options.effects)
-    taken = None if options.any_version else code
-    rows = read_rows(options.rows, taken)
+    version = None if options.any_version else code
+    rows = read_rows(options.rows, version)
     pending = [] if options.only_document else [job for job in jobs if job not in rows]
-    print(f'{len(jobs)} recordings, {len(pending)} of them still to be measured; rows in {options.rows}')
+    print(f'{len(jobs)} recordings, {len(pending)} of them are not measured yet. Rows: {options.rows}')
     if pending:
         try:
             run(pending, options.rows, code, options.jobs)
         except KeyboardInterrupt:
-            print('stopped; the same command goes on from here', file=sys.stderr)
+            print('Stopped. Run the same command again to continue from here.', file=sys.stderr)
             return 130
-        rows = read_rows(options.rows, taken)
+        rows = read_rows(options.rows, version)
     chosen = [rows[job] for job in jobs if job in rows]
     drawn = [row for row in chosen if row.verdict != 'not_drawn']
-    given = shlex.join(one for one in (sys.argv[1:] if arguments is None else arguments) if one != '--only-document')
-    command = 'make benchmark-effects' + (f" ARGS='{given}'" if given else '')
-    how = {'command': command, 'machine': machine()}
-    write_text(options.output, document(chosen, how, notes_in(options.output)))
+    chosen_options = shlex.join(
+        word for word in (sys.argv[1:] if arguments is None else arguments) if word != '--only-document'
+    )
+    command = 'make benchmark-effects' + (f" ARGS='{chosen_options}'" if chosen_options else '')
+    provenance = {'command': command, 'machine': machine()}
+    write_text(options.output, document(chosen, provenance, notes_in(options.output)))
     for goal in goals(drawn):
-        print(f'{"met    " if goal.met else "NOT MET"}  {goal.what}: {goal.measured} (wanted: {goal.wanted})')
+        print(f'{"met    " if goal.met else "NOT MET"}  {goal.description}: {goal.measured} (wanted: {goal.wanted})')
     print(f'The document is {options.output}')
     return 0
 
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='benchmark_effects', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--kinds', nargs='+', choices=KINDS, default=KINDS, help='of recordings')
+    parser.add_argument('--kinds', nargs='+', choices=KINDS, default=KINDS, help='kinds of recordings')
     parser.add_argument('--schedules', nargs='+', choices=SCHEDULES, default=SCHEDULES)
     parser.add_argument(
         '--effects',
         nargs='+',
         choices=(*LIBRARY, *ON_FORCE, *FOREIGN, *NOISES),
         metavar='EFFECT',
-        help='only these; with clean, kinds of noise; pairs of which both are among them',
+        help='only these effects, and pairs of them; for the kind clean: kinds of noise',
     )
-    parser.add_argument(
-        '--seeds', type=_seeds, metavar='A:B', help=f'the same for all kinds; by default from {FIRST_SEED}'
-    )
-    parser.add_argument('--quick', action='store_true', help='few seeds: about 10 minutes on two cores')
-    parser.add_argument('--jobs', type=int, default=os.cpu_count(), help='processes; 0: in this one')
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'effects_panel.md', help='document')
+    parser.add_argument('--seeds', type=_seeds, metavar='A:B', help=f'seeds of all kinds (default: from {FIRST_SEED})')
+    parser.add_argument('--quick', action='store_true', help='use few seeds: about 10 minutes on two cores')
+    parser.add_argument('--jobs', type=int, default=os.cpu_count(), help='number of processes; 0: this process')
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'effects_panel.md', help='document to write')
     parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'effects_panel.jsonl', help='file of rows')
     parser.add_argument(
-        '--only-document', action='store_true', help='measure nothing: write of the rows that are there'
+        '--only-document', action='store_true', help='write the document from the existing rows, without measuring'
     )
-    parser.add_argument('--any-version', action='store_true', help='take rows that other versions measured, too')
+    parser.add_argument('--any-version', action='store_true', help='also use rows that were measured by other versions')
     return parser.parse_args(arguments)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came of the panel, in Markdown."""
+"""Write the results of the panel in Markdown."""
 
 from __future__ import annotations
 
@@ -33,21 +33,21 @@ from studies.panel.scores import (
 
 ALL = '**all**'
 SILENT = ('no_missing_effect', 'unexplained', 'refused')
-"""What stands for an answer without a name."""
+"""Verdicts that name no effect."""
 
 Line = Mapping[str, object]
 """Cells of a table by their columns."""
 
 
-def document(rows: Sequence[Row], how: Mapping[str, str], notes: str) -> str:
+def document(rows: Sequence[Row], provenance: Mapping[str, str], notes: str) -> str:
     """Return the document in Markdown."""
     drawn = [row for row in rows if row.verdict != 'not_drawn']
     aims = [(*goal[:-1], 'yes' if goal.met else '**no**') for goal in goals(drawn)]
     sections = [
         '# The panel of effects\n\n'
-        'How often the loop names the effect that is in a recording which it knows nothing else of. Written by '
-        f'`{how["command"]}`; what stands under "{NOTES.strip("# ")}" at the end is kept.',
-        _how_section(rows, drawn, how),
+        'How often the loop names the effect of a recording, given the recording alone. Written by '
+        f'`{provenance["command"]}`; the section "{NOTES.strip("# ")}" at the end is kept.',
+        _provenance_section(rows, drawn, provenance),
         '## Goals\n\n' + table(['goal', 'wanted', 'measured', 'recordings', 'met'], aims),
     ]
     for heading, text, lines in _tables(drawn):
@@ -57,7 +57,7 @@ def document(rows: Sequence[Row], how: Mapping[str, str], notes: str) -> str:
 
 
 def _table(lines: Sequence[Line]) -> str:
-    """Return a table of lines that have the same columns."""
+    """Return the table of lines with equal columns."""
     return table(list(lines[0]), [list(line.values()) for line in lines]) if lines else 'No recordings.'
 
 
@@ -67,33 +67,35 @@ def _lines(
     choices: Iterable[tuple[str, ...]],
     cells: Callable[[Sequence[Row]], Line],
 ) -> list[Line]:
-    """Return a line for each choice of a kind, a schedule, an effect or a noise, or of all, of which there are rows."""
+    """Return a line for each choice of kind, schedule, effect or noise that has rows."""
     lines: list[Line] = []
     for choice in choices:
-        some = [row for row in rows if all(one in (ALL, row.kind, row.schedule, *row.effects) for one in choice)]
-        if some:
-            shown = (one if one in (ALL, *NOISES) else f'`{one}`' for one in choice)
-            lines.append({**dict(zip(labels, shown)), **cells(some)})
+        matching = [
+            row for row in rows if all(value in (ALL, row.kind, row.schedule, *row.effects) for value in choice)
+        ]
+        if matching:
+            shown = (value if value in (ALL, *NOISES) else f'`{value}`' for value in choice)
+            lines.append({**dict(zip(labels, shown)), **cells(matching)})
     return lines
 
 
-def _how_section(rows: Sequence[Row], drawn: Sequence[Row], how: Mapping[str, str]) -> str:
+def _provenance_section(rows: Sequence[Row], drawn: Sequence[Row], provenance: Mapping[str, str]) -> str:
     versions = collections.Counter((row.commit, row.code) for row in drawn)
     measured_by = '; '.join(
         f'commit {name} (program text {code}): {count} recordings' for (name, code), count in versions.items()
     )
     return (
         '## How it was measured\n\n'
-        f'- Command: `{how["command"]}`\n'
-        f'- Machine: {how["machine"]}\n'
+        f'- Command: `{provenance["command"]}`\n'
+        f'- Machine: {provenance["machine"]}\n'
         f'- Measured by {measured_by or "nothing yet"}\n'
-        f'- {len(drawn)} recordings; {len(rows) - len(drawn)} pairs whose effects are one and the same part of the rig '
-        'were left out\n\n'
+        f'- {len(drawn)} recordings; {len(rows) - len(drawn)} pairs were omitted: '
+        'both effects change the same part of the rig\n\n'
         + _table(_lines(drawn, ['kind'], product(KINDS), _seeds))
-        + '\n\nThe seed draws the device, the schedule, the strength and the noise; seeds below '
-        f'{FIRST_SEED} were used while developing. The *oracle floor* is the RMSE that the true device, driven by the '
-        "measured displacement, leaves on the same samples. A draw is *visible* where the paper's model, refitted, "
-        f'leaves more than {VISIBLE} of it. Shares have 95 % intervals (Wilson).'
+        + '\n\nThe seed draws the device, the schedule, the strength and the noise. Seeds below '
+        f'{FIRST_SEED} were used for development. The *oracle floor* is the RMSE of the true device, driven by the '
+        "measured displacement, on the same samples. A draw is *visible* if the RMSE of the refitted paper's model is "
+        f'more than {VISIBLE} times the floor. Shares have 95 % intervals (Wilson).'
     )
 
 
@@ -102,15 +104,15 @@ def _seeds(rows: Sequence[Row]) -> Line:
     counts = collections.Counter(row.schedule for row in rows)
     return {
         'seeds': f'{min(seeds)} to {max(seeds)}',
-        **{f'`{one}`': counts[one] for one in SCHEDULES},
+        **{f'`{schedule}`': counts[schedule] for schedule in SCHEDULES},
         'recordings': len(rows),
     }
 
 
 BY_ANSWER = (
-    'By the first name among visible draws. *Nobody could see*: draws of which no method could tell, and the names '
-    'that some got all the same. *Listed alternative*: the effect is named as one of those that the recording '
-    "can't tell from the first name, and the pair is listed below. *No name*: none missing / `unexplained` / "
+    'Visible draws by the first named effect. *Not visible*: draws in which no method could find the effect, and the '
+    'effects that were named there. *Listed alternative*: the true effect is an alternative to the first named effect, '
+    'and the pair is listed below. *No name*: `no_missing_effect` / `unexplained` / '
     'refused. *Before* and *after*: RMSE on the test part over the oracle floor, median / 90th '
     'percentile of visible draws.'
 )
@@ -121,20 +123,20 @@ def _by_answer(rows: Sequence[Row]) -> Line:
     seen = [row for row in rows if row.visible]
     answers = collections.Counter(answer(row) for row in seen)
     silent = collections.Counter(row.verdict for row in seen if not row.named)
-    others = [row for row in seen if answer(row) in ('unlisted alternative', 'wrong name')]
+    wrong = [row for row in seen if answer(row) in ('unlisted alternative', 'wrong name')]
     false = [row for row in hidden if answer(row) not in (*RIGHT, 'no name')]
     named = [row for row in seen if row.named]
     return {
         'draws': len(rows),
-        'nobody could see': str(len(hidden)) + (f' ({_names(false)})' if false else ''),
+        'not visible': str(len(hidden)) + (f' ({_names(false)})' if false else ''),
         'visible': len(seen),
         'right': answers['right'],
         'listed alternative': answers['listed alternative'],
-        'other': len(others),
+        'other': len(wrong),
         'no name': ' / '.join(str(silent[verdict]) for verdict in SILENT),
-        'named instead': _names(others),
-        'more than the one': sum(len(row.named) > 1 for row in named),
-        '`unexplained` beside a name': sum(is_unexplained(row) for row in named),
+        'named instead': _names(wrong),
+        'more than one name': sum(len(row.named) > 1 for row in named),
+        '`unexplained` with a name': sum(is_unexplained(row) for row in named),
         'before': _quantiles(row.before_test for row in seen),
         'after': _quantiles(row.after_test for row in seen),
     }
@@ -147,22 +149,22 @@ def _names(rows: Iterable[Row]) -> str:
 
 def _quantiles(values: Iterable[float], quantiles: Sequence[float] = (0.5, 0.9), digits: int = 2) -> str:
     finite = [value for value in values if math.isfinite(value)]
-    return ' / '.join(f'{one:.{digits}f}' for one in np.quantile(finite, quantiles)) if finite else '-'
+    return ' / '.join(f'{value:.{digits}f}' for value in np.quantile(finite, quantiles)) if finite else '-'
 
 
 UNKNOWN = 'The right answer is `unexplained`. *Named*: `effect_added`, among visible draws.'
 
 
 def _unknown(rows: Sequence[Row]) -> Line:
-    """Return how recordings were answered whose effect the library doesn't have."""
+    """Return how the loop answers recordings with an effect outside the library."""
     seen = [row for row in rows if row.visible]
     added = [row for row in seen if row.verdict == 'effect_added']
     return {
         'draws': len(rows),
-        'nobody could see': len(rows) - len(seen),
+        'not visible': len(rows) - len(seen),
         'visible': len(seen),
         'unexplained': share(seen, is_unexplained),
-        'of these beside a name': sum(is_unexplained(row) and is_named(row) for row in seen),
+        '`unexplained` with a name': sum(is_unexplained(row) and is_named(row) for row in seen),
         'none missing': sum(row.verdict == 'no_missing_effect' for row in seen),
         'named': f'{len(added)}' + (f': {_names(added)}' if added else ''),
         'after': _quantiles(row.after_test for row in seen),
@@ -170,8 +172,8 @@ def _unknown(rows: Sequence[Row]) -> Line:
 
 
 CLEAN = (
-    "The paper's model itself, integrated apart, with white noise, with noise that remembers (AR 0.9), and with little "
-    'beside the steps of the converter.'
+    "The paper's model itself, integrated separately, with white noise, with autocorrelated noise (AR 0.9), and "
+    'with little noise other than the steps of the converter.'
 )
 
 
@@ -188,8 +190,8 @@ def _clean(rows: Sequence[Row]) -> Line:
 
 
 PAIRS = (
-    'Counted where each effect shows beside the other: the model with only one of them, refitted, leaves more than '
-    f'{VISIBLE} of the oracle floor.'
+    'Pairs in which each effect is visible next to the other: the RMSE of the refitted model with only one of them is '
+    f'more than {VISIBLE} times the oracle floor.'
 )
 
 
@@ -197,7 +199,7 @@ def _pairs(rows: Sequence[Row]) -> Line:
     seen = [row for row in rows if row.both_visible]
     return {
         'recordings': len(rows),
-        'both show': len(seen),
+        'both visible': len(seen),
         'both found': share(seen, found_both),
         'exactly the two': share(seen, found_exactly),
         'both, listed alternatives too': share(seen, partial(found_both, alternatives=True)),
@@ -208,14 +210,18 @@ def _pairs(rows: Sequence[Row]) -> Line:
 
 
 def _missed(row: Row) -> Line:
-    """Return what was answered of a pair."""
-    others = {name: f' (or {", ".join(row.alternatives[name])})' for name in row.named if name in row.alternatives}
+    """Return the answer to a pair of which not both effects were found."""
+    alternatives = {
+        name: f' (or {", ".join(row.alternatives[name])})' for name in row.named if name in row.alternatives
+    }
     return {
         'schedule': f'`{row.schedule}`',
         'seed': row.seed,
         'effects': ' + '.join(row.effects),
-        'each shows': ' / '.join(f'{row.beside[name]:.2f}' if name in row.beside else '-' for name in row.effects),
-        'named': ' + '.join(name + others.get(name, '') for name in row.named) or row.verdict,
+        'each visible': ' / '.join(
+            f'{row.errors_without[name]:.2f}' if name in row.errors_without else '-' for name in row.effects
+        ),
+        'named': ' + '.join(name + alternatives.get(name, '') for name in row.named) or row.verdict,
         'after': f'{row.after_test:.2f}',
     }
 
@@ -223,7 +229,7 @@ def _missed(row: Row) -> Line:
 def _force(clean: Sequence[Row]) -> str:
     named = [row for row in clean if row.named]
     return (
-        'Devices whose pressures are as the model has them, with one effect on the measured force; the piston area is '
+        'Devices that follow the model in their pressures, with one effect on the measured force; the piston area is '
         f'given. Columns as above. Of {len(clean)} recordings of devices with no effect {len(named)} get a name'
         + (f' ({_names(named)})' if named else '')
         + f', {sum(map(is_unexplained, clean))} end `unexplained`.'
@@ -231,16 +237,16 @@ def _force(clean: Sequence[Row]) -> str:
 
 
 WHOLE = (
-    'By make; *own*: more than two orifices, a laminar tube and a polytropic chamber with walls. *Visible*: the core, '
-    f'refitted, leaves more than {VISIBLE} of the oracle floor. *Whole*: the right name and no other, what is left is '
-    f'noise, and the test error at most {WHOLE_TOLERANCE:.2f} of the floor.'
+    'By make; *own*: more than two orifices, a laminar tube and a polytropic chamber with walls. *Visible*: the RMSE '
+    f'of the refitted core is more than {VISIBLE} times the oracle floor. *Whole*: the right effect is the only name, '
+    f'the remaining error is noise, and the test error is at most {WHOLE_TOLERANCE:.2f} of the floor.'
 )
 
 
 def _whole(rows: Sequence[Row], make: str) -> Line:
-    own = [row for row in rows if make_of(row.kind, row.seed) == make]
-    seen = [row for row in own if row.kind == 'whole' and row.visible]
-    healthy = [row for row in own if row.kind == 'healthy_whole']
+    of_make = [row for row in rows if make_of(row.kind, row.seed) == make]
+    seen = [row for row in of_make if row.kind == 'whole' and row.visible]
+    healthy = [row for row in of_make if row.kind == 'healthy_whole']
     return {
         'make': f'`{make}`{", own" if make in OWN_WAYS else ""}',
         'visible': len(seen),
@@ -249,14 +255,14 @@ def _whole(rows: Sequence[Row], make: str) -> Line:
         'after': _quantiles(row.after_test for row in seen),
         'healthy': len(healthy),
         'nothing missing': share(healthy, is_silent),
-        'a part blamed': share(healthy, is_named),
+        'an effect named': share(healthy, is_named),
     }
 
 
 ERRORS = (
-    '*Before* and *after* over the oracle floor, median / 90th percentile of visible draws, of all where nothing '
-    'is missing. A single step has no test part. The noise floor as quantiles 5 %, 50 %, 95 %; the time of an '
-    'identification in one process with one thread, median / 90th percentile.'
+    '*Before* and *after* over the oracle floor: median / 90th percentile of visible draws, and of all clean '
+    'recordings. A single step has no test part. Noise floor: quantiles 5 %, 50 %, 95 %. Time of an '
+    'identification in one process with one thread: median / 90th percentile.'
 )
 
 
@@ -286,34 +292,34 @@ def _refused(row: Row) -> Line:
 def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     """Yield heading, text and lines of each table."""
 
-    def of(kind: str) -> list[Row]:
+    def rows_of(kind: str) -> list[Row]:
         return [row for row in rows if row.kind == kind]
 
     by_effect = ['schedule', 'effect']
     for schedule in SCHEDULES:
-        own = [row for row in of('effects') if row.schedule == schedule]
-        lines = _lines(own, ['effect'], product([*LIBRARY, ALL]), _by_answer)
+        of_schedule = [row for row in rows_of('effects') if row.schedule == schedule]
+        lines = _lines(of_schedule, ['effect'], product([*LIBRARY, ALL]), _by_answer)
         yield f'`{schedule}`: effect by answer', BY_ANSWER, lines
     choices = [*product(SCHEDULES, FOREIGN), *product(SCHEDULES, [ALL]), (ALL, ALL)]
-    yield 'Effects outside the library', UNKNOWN, _lines(of('foreign'), by_effect, choices, _unknown)
-    lines = _lines(of('clean'), ['noise', 'schedule'], product(NOISES, [*SCHEDULES, ALL]), _clean)
+    yield 'Effects outside the library', UNKNOWN, _lines(rows_of('foreign'), by_effect, choices, _unknown)
+    lines = _lines(rows_of('clean'), ['noise', 'schedule'], product(NOISES, [*SCHEDULES, ALL]), _clean)
     yield 'Nothing missing', CLEAN, lines
-    yield 'Two effects at once', PAIRS, _lines(of('pairs'), ['schedule'], product([*SCHEDULES, ALL]), _pairs)
-    missed = [row for row in of('pairs') if row.both_visible and not found_both(row)]
-    missed.sort(key=lambda row: (SCHEDULES.index(row.schedule), row.seed))
-    text = 'Of those where each effect shows beside the other.'
-    yield 'Pairs of which not both were found', text, [_missed(row) for row in missed]
-    lines = _lines(of('force'), by_effect, product(SCHEDULES, ON_FORCE), _by_answer)
-    yield 'The contact force', _force(of('clean_force')), lines
-    of_makes = [*of('whole'), *of('healthy_whole')]
+    yield 'Two effects at once', PAIRS, _lines(rows_of('pairs'), ['schedule'], product([*SCHEDULES, ALL]), _pairs)
+    not_both_found = [row for row in rows_of('pairs') if row.both_visible and not found_both(row)]
+    not_both_found.sort(key=lambda row: (SCHEDULES.index(row.schedule), row.seed))
+    text = 'Only pairs in which each effect is visible next to the other.'
+    yield 'Pairs of which not both were found', text, [_missed(row) for row in not_both_found]
+    lines = _lines(rows_of('force'), by_effect, product(SCHEDULES, ON_FORCE), _by_answer)
+    yield 'The contact force', _force(rows_of('clean_force')), lines
+    of_makes = [*rows_of('whole'), *rows_of('healthy_whole')]
     yield 'Devices with all of their physics', WHOLE, [_whole(of_makes, make) for make in MAKES if of_makes]
-    lines = _lines(of('whole'), by_effect, product([*SCHEDULES, ALL], [*ON_WHOLE, ALL]), _by_answer)
+    lines = _lines(rows_of('whole'), by_effect, product([*SCHEDULES, ALL], [*ON_WHOLE, ALL]), _by_answer)
     yield 'Devices with all of their physics: effect by answer', BY_ANSWER, lines
     finite = [row for row in rows if math.isfinite(row.after)]
     lines = _lines(finite, ['kind', 'schedule'], product(KINDS, SCHEDULES), _errors)
     yield 'Errors, noise floor, time', ERRORS, lines
-    text = 'Effects that data may not separate. Only among these an alternative counts as right.'
+    text = 'Effects that data may not separate. An alternative counts as right only within a family.'
     lines = [{'family': family, 'effects': ', '.join(f'`{name}`' for name in names)} for family, names in GROUPS]
     yield 'Listed pairs', text, lines
-    text = 'Recordings that were not identified; they count as visible and as answered without a name.'
+    text = 'Recordings that were not identified. They count as visible and as answered without a name.'
     yield 'Refused', text, [_refused(row) for row in rows if row.verdict == 'refused']

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One draw: a device, something wrong with it, a schedule, and what the sensors make of it."""
+"""Draw a device, a fault, a schedule, and the recording of its sensors."""
 
 from __future__ import annotations
 
@@ -42,44 +42,44 @@ NOISES = {
         pressure_noise=0.1 * Sensors.pressure_noise, displacement_noise=0.1 * Sensors.displacement_noise
     ),
 }
-"""Kinds of noise by name: as in `Sensors`, with a memory in the pressures', and little beside the converter's steps."""
+"""Kinds of noise by name: as in `Sensors`; autocorrelated in the pressures; little more than the converter's steps."""
 
 MARGIN = 0.25
-"""Time that a rig goes on after the last sample, for clocks that are late [s]."""
+"""Time that a rig runs on after the last sample, for late clocks [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PanelTruth:
-    """What is wrong with the device of a recording, and what really happened."""
+    """The fault of a recorded device, and its true motion, pressures and force."""
 
     effects: tuple[str, ...]
-    """Names of the effects, none for a healthy device."""
+    """Names of the effects; empty for a healthy device."""
 
     strengths: dict[str, float]
-    """Their strengths, as `EFFECTS` has them."""
+    """Strength of each effect, in the unit of `EFFECTS`."""
 
     changes: dict[str, float]
-    """All that was changed, by names like ``effects_a.play``."""
+    """Changed fields and their values, by names like ``effects_a.play``."""
 
     gains: Gains
     """Gains of cylinder A without effects: the paper's K_x, K_sv, K_v and tau."""
 
     device: Specimen | Gains
-    """The device; its gains alone where it is the textbook's."""
+    """The device; the gains alone if the paper's model was simulated."""
 
     healthy: Specimen | Gains
     """The device without effects."""
 
     schedule: Schedule
-    """What it was put through."""
+    """Motion and set-points of the recording."""
 
     samples: Truth
-    """Without noise and at the samples' true times; what happened, not what arrived at the sensors."""
+    """True values at the samples' true times, before lags of sensors and without noise."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """A recording, all that an identifier may see, and apart from it the truth."""
+    """A recording, and the truth that an identifier must not see."""
 
     recording: Readings
     truth: PanelTruth
@@ -87,7 +87,7 @@ class Draw:
 
 def draw_schedule(name: str, rng: np.random.Generator) -> Schedule:
     """
-    Return a schedule with its set-points and amplitudes drawn.
+    Return a schedule with random set-points and amplitudes.
 
     Raises
     ------
@@ -113,24 +113,26 @@ def draw_schedule(name: str, rng: np.random.Generator) -> Schedule:
             setpoint_steps=rng.uniform(1.5, 4.0) * PSI,
             seed=int(rng.integers(2**31)),
         )
-    raise InputError(f'schedule {name!r} is not known: use one of paper_step, out_and_back, surface_following')
+    raise InputError(f'schedule {name!r} is not known. Use one of paper_step, out_and_back, surface_following.')
 
 
 def motion_of(schedule: Schedule) -> Motion:
-    """Return a schedule's motion, with a margin at rest behind it."""
+    """Return the motion of a schedule, followed by a margin at rest."""
     knots = schedule.knots_per_sample
-    more = round(MARGIN / schedule.sampling_period) * knots
+    extra_knots = round(MARGIN / schedule.sampling_period) * knots
     return Motion(
-        np.concatenate([schedule.positions, np.full(more, schedule.positions[-1])]),
-        np.concatenate([schedule.velocities, np.zeros(more)]),
-        np.concatenate([np.repeat(schedule.setpoints, knots, axis=0), np.tile(schedule.setpoints[-1], (more, 1))]),
+        np.concatenate([schedule.positions, np.full(extra_knots, schedule.positions[-1])]),
+        np.concatenate([schedule.velocities, np.zeros(extra_knots)]),
+        np.concatenate(
+            [np.repeat(schedule.setpoints, knots, axis=0), np.tile(schedule.setpoints[-1], (extra_knots, 1))]
+        ),
         schedule.sampling_period / knots,
         -schedule.sampling_period,
     )
 
 
-def at_times(times: Array, truth: Truth) -> Array:
-    """Return the pressures of both cylinders at some times [s], straight between the knots [Pa], (n, 2)."""
+def pressures_at(times: Array, truth: Truth) -> Array:
+    """Return the pressures of both cylinders at times [s], interpolated between the knots [Pa], (n, 2)."""
     return np.column_stack([np.interp(times, truth.times, pressure) for pressure in truth.pressures.T])
 
 
@@ -150,15 +152,15 @@ def draw(
     effect
         Names from `EFFECTS`.
     schedule
-        'paper_step', 'out_and_back' or 'surface_following', or one that is laid out already.
+        'paper_step', 'out_and_back' or 'surface_following', or a ready schedule.
     seed
         Picks the device, a named schedule's set-points and amplitudes, the strengths, and the noise.
     noise
         A name from `NOISES`.
     given
-        Strengths of effects that are not to be drawn.
+        Strengths of effects; the seed determines the strengths of all other effects.
     make
-        A name from `MAKES`, a device with all of its physics; else one of the paper's law.
+        A name from `MAKES`: a device with full physics. None: a device that follows the paper's model.
 
     Raises
     ------
@@ -174,12 +176,17 @@ def draw(
     changes: dict[str, float] = {}
     for name in names:
         for_strength = np.random.default_rng([seed, *name.encode()])
-        strengths[name], more = install(name, Situation(healthy, gains, planned, for_strength), given.get(name))
-        if changes.keys() & more.keys():
-            raise InputError(f'effects {", ".join(names)}: two of them are the same thing')
-        changes.update(more)
+        strengths[name], effect_changes = install(
+            name, Situation(healthy, gains, planned, for_strength), given.get(name)
+        )
+        if changes.keys() & effect_changes.keys():
+            raise InputError(
+                f'effects {", ".join(names)}: two of them change the same part of the rig. '
+                'They cannot be combined. Choose different effects.'
+            )
+        changes.update(effect_changes)
     device = healthy.with_changes(changes)
-    truth, arrived = device.put_through(motion_of(planned))
+    truth, arrived = device.simulate(motion_of(planned))
     return Draw(
         _recorded(arrived, device.clock, planned, for_noise, noise),
         PanelTruth(names, strengths, changes, gains, device, healthy, planned, _samples(truth, planned)),
@@ -188,20 +195,20 @@ def draw(
 
 def draw_textbook(schedule: str, seed: int, noise: str = 'white', *, straight: bool = True) -> Draw:
     """
-    Return a recording of the paper's model itself, cylinders A and B alike.
+    Return a recording of the paper's model; cylinders A and B have equal gains.
 
     Parameters
     ----------
     schedule, seed, noise
         As in `draw`.
     straight
-        Let the piston move straight from sample to sample, so that sampling loses nothing.
+        Let the piston move at constant speed from sample to sample, so that sampling loses nothing.
 
     """
     for_device, for_schedule, for_noise = _generators(seed)
     gains = draw_gains(for_device)
     planned = draw_schedule(schedule, for_schedule)
-    truth = _textbook(planned, gains, straight)
+    truth = _paper_model_truth(planned, gains, straight)
     return Draw(
         _recorded(truth, Clock(), planned, for_noise, noise),
         PanelTruth((), {}, {}, gains, gains, gains, planned, _samples(truth, planned)),
@@ -214,34 +221,34 @@ def _generators(seed: int) -> list[np.random.Generator]:
 
 
 def _samples(truth: Truth, schedule: Schedule) -> Truth:
-    """Return what happened at the samples, of what happened at the knots."""
+    """Return the values at the samples from the values at the knots."""
     samples = truth.every_nth(schedule.knots_per_sample)
     return Truth(**{name: values[: schedule.samples] for name, values in vars(samples).items()})
 
 
 def _recorded(arrived: Truth, clock: Clock, schedule: Schedule, rng: np.random.Generator, noise: str) -> Readings:
-    """Return what the sensors read of what arrives at them at each knot."""
+    """Return the sensors' readings of the quantities at each knot."""
     if noise not in NOISES:
-        raise InputError(f'noise {noise!r} is not known: use one of {", ".join(NOISES)}')
+        raise InputError(f'noise {noise!r} is not known. Use one of {", ".join(NOISES)}.')
     samples = _samples(arrived, schedule)
     times = schedule.sampling_period * np.arange(float(schedule.samples))
-    pressures = at_times(clock.sampled(times), arrived)
+    pressures = pressures_at(clock.sampled(times), arrived)
     if noise == 'coloured':
-        pressures = pressures + Sensors.pressure_noise * _coloured(pressures.shape, rng)
+        pressures = pressures + Sensors.pressure_noise * _coloured_noise(pressures.shape, rng)
     instruments = Instruments(NOISES[noise], schedule.sampling_period, int(rng.integers(2**31)))
     return instruments.read(replace(samples, times=times, pressures=pressures))
 
 
-def _coloured(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Return noise of unit variance that remembers, each column on its own."""
-    before = 100
-    white = rng.standard_normal((before + shape[0], *shape[1:]))
-    noise: Array = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[before:]
+def _coloured_noise(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Return autocorrelated noise of unit variance, independent in each column."""
+    warm_up = 100
+    white = rng.standard_normal((warm_up + shape[0], *shape[1:]))
+    noise: Array = lfilter([np.sqrt(1.0 - COLOUR**2)], [1.0, -COLOUR], white, axis=0)[warm_up:]
     return noise
 
 
-def _textbook(schedule: Schedule, gains: Gains, straight: bool) -> Truth:
-    """Return what happens in the paper's model at each knot; A and B have the same gains."""
+def _paper_model_truth(schedule: Schedule, gains: Gains, straight: bool) -> Truth:
+    """Return the motion and pressures of the paper's model at each knot; A and B have the same gains."""
     motion = motion_of(schedule)
     knots = schedule.knots_per_sample
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How well anybody could do on a recording: the oracle knows the device, and the baseline the device without its effects.
+Compute the error floor of a recording: the oracle is the true device, the baseline the device without its effects.
 
-Both are given the measured displacement, straight between its samples, and when these were really taken, which the
-stamps tell but roughly: so the oracle's error is the floor of every identification. A recording whose baseline is as
-good as its oracle hasn't shown its effect.
+Both are driven by the measured displacement, interpolated linearly between the true times of the samples. Stamps give
+these times only roughly. The oracle's error is therefore the floor of every identification. An effect is not visible
+in a recording if the errors of baseline and oracle are equal.
 """
 
 from __future__ import annotations
@@ -14,33 +14,33 @@ import numpy as np
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
 from cfd_pneumatic.rig import Cylinder, Readings, Schedule, read_force
-from studies.panel.drawing import Draw, at_times, motion_of
+from studies.panel.drawing import Draw, motion_of, pressures_at
 from studies.panel.specimen import Specimen
 from studies.panel.textbook import Gains, pressure_along
 
 
 def oracle_rmse(draw: Draw) -> float:
-    """Return the RMSE of cylinder A's pressure against the true device driven by the measured displacement [Pa]."""
+    """Return the RMSE of the oracle in cylinder A's pressure [Pa]."""
     return rms(oracle_residual(draw))
 
 
 def oracle_residual(draw: Draw) -> Array:
-    """Return what the true device, driven by the measured displacement, leaves of cylinder A's pressure [Pa], (n,)."""
+    """Return the residual of the oracle in cylinder A's pressure [Pa], (n,)."""
     return _pressure_residual(draw, draw.truth.device)
 
 
 def baseline_rmse(draw: Draw) -> float:
-    """Return the same against the device without its effects [Pa]."""
+    """Return the RMSE of the baseline in cylinder A's pressure [Pa]."""
     return rms(_pressure_residual(draw, draw.truth.healthy))
 
 
 def force_oracle_rmse(draw: Draw) -> float:
-    """Return the RMSE of the force against the true device's, given the measured pressures [N]."""
+    """Return the RMSE of the true device's force at the measured pressures [N]."""
     return rms(force_oracle_residual(draw))
 
 
 def force_oracle_residual(draw: Draw) -> Array:
-    """Return what the true device, given the measured pressures, leaves of the force [N], (n,)."""
+    """Return measured force minus the true device's force at the measured pressures [N], (n,)."""
     device, force = draw.truth.device, draw.truth.samples.force
     thrust = _thrust(draw.recording.pressures) - _thrust(draw.truth.samples.pressures)
     if isinstance(device, Specimen):
@@ -49,26 +49,26 @@ def force_oracle_residual(draw: Draw) -> Array:
 
 
 def force_baseline_rmse(draw: Draw) -> float:
-    """Return the RMSE of the force against the measured pressures' alone [N]."""
+    """Return the RMSE of the thrust of the measured pressures against the measured force [N]."""
     return rms(draw.recording.force - _thrust(draw.recording.pressures))
 
 
 def predict(device: Specimen | Gains, recording: Readings, schedule: Schedule) -> Array:
-    """Return what cylinder A's sensor would read of a device that is moved as a recording says [Pa], (n,)."""
+    """Return the reading of cylinder A's sensor if a device follows a recording's displacement [Pa], (n,)."""
     motion = motion_of(schedule)
     times = motion.start + motion.period * np.arange(1.0, len(motion.positions) + 1.0)
-    taken = schedule.sampling_period * np.arange(float(schedule.samples))
-    late = device.rig.pickup.displacement_delay if isinstance(device, Specimen) else 0.0
-    displacement = np.interp(times + late, taken, recording.displacement)
+    sample_times = schedule.sampling_period * np.arange(float(schedule.samples))
+    delay = device.rig.pickup.displacement_delay if isinstance(device, Specimen) else 0.0
+    displacement = np.interp(times + delay, sample_times, recording.displacement)
     if isinstance(device, Gains):
         levels = motion.setpoints[:, 0] + AMBIENT_PRESSURE
-        return np.interp(taken, times, pressure_along(displacement, levels, motion.period, device))
+        return np.interp(sample_times, times, pressure_along(displacement, levels, motion.period, device))
     lag = device.rig.pickup.displacement_lag
     if lag:
         displacement = displacement + lag * np.gradient(displacement, motion.period)
     driven = motion._replace(positions=displacement, velocities=np.gradient(displacement, motion.period))
-    _, arrived = device.put_through(driven)
-    return at_times(device.clock.sampled(taken), arrived)[:, 0]
+    _, arrived = device.simulate(driven)
+    return pressures_at(device.clock.sampled(sample_times), arrived)[:, 0]
 
 
 def _pressure_residual(draw: Draw, device: Specimen | Gains) -> Array:
@@ -76,6 +76,6 @@ def _pressure_residual(draw: Draw, device: Specimen | Gains) -> Array:
 
 
 def _thrust(pressures: Array) -> Array:
-    """Return the force of the air at some pressures of A and B [N]."""
+    """Return the force of the air at pressures of A and B [N]."""
     area = Cylinder().area
     return area * (pressures[:, 0] - pressures[:, 1])

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How often a law that is in no library is drawn where it enters: `make benchmark-laws`.
+Measure how often unknown characteristics are estimated at the right place: `make benchmark-laws`.
 
-Laws of the rig (`studies/panel/strange.py`), on devices of the paper's law and with all of their physics, whoever looks
-for them knows none; and effects of the library that is searched without them. A law is *visible* where a device without
-it leaves 1.15 times as much as the true one, and *remains* where the better core, fitted anew, still leaves 1.1 times
-as much.
+The devices have a characteristic of `studies/panel/strange.py`, which no library has. They follow the paper's model or
+have full physics. With `--left-out` they have an effect that is removed from the library before the search. A
+characteristic is *visible* if the error without it is 1.15 times the true device's. It *remains* if the better core,
+refitted, still has 1.1 times the true device's error.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from studies.panel import (
     oracle_residual,
     oracle_rmse,
 )
-from studies.panel.law_curves import nearness
+from studies.panel.law_curves import curve_agreement
 from studies.panel.rows import CYLINDER, VISIBLE, cylinder_a_of
 from studies.panel.scores import share
 from studies.tools.processes import side_by_side
@@ -49,8 +49,8 @@ from studies.tools.provenance import ROOT, commit
 
 FORCE = 'force'
 
-LAWS = {CYLINDER: tuple(name for name in CLASSES if name not in STRANGE_FORCE), FORCE: STRANGE_FORCE}
-"""Those of the pressure, and of the force; a healthy device is asked for both."""
+CHARACTERISTICS = {CYLINDER: tuple(name for name in CLASSES if name not in STRANGE_FORCE), FORCE: STRANGE_FORCE}
+"""Names of unknown characteristics by channel; healthy devices are identified on both channels."""
 
 LEFT_OUT = {
     'leakage': {('chamber', 'p'), ('flow', 'p'), ('set_point', 'p')},
@@ -63,25 +63,25 @@ LEFT_OUT = {
     'set_point_drift': {('set_point', 'time')},
     'droop': {('set_point', 'flow'), ('set_point', 'error'), ('flow', 'flow')},
 }
-"""Effects of the library that are laws: where each enters, and against what, as far as recordings can tell."""
+"""Places and variables of library effects that are characteristics, as far as recordings distinguish them."""
 
-MEMORIES = tuple(name for name in LIBRARY if name not in LEFT_OUT)
-"""Those with a memory, and a supply that swings as a hum does: no law of what is measured is either."""
+DYNAMIC_EFFECTS = tuple(name for name in LIBRARY if name not in LEFT_OUT)
+"""Effects with internal states, or that depend on time alone: no characteristic of a measured variable."""
 
 FIRST_SEED = 17005
-"""Of the report; 0 to 999 are for developing, 7000 to 17004 were reported."""
+"""First seed of the report; 0 to 999 are for development, 7000 to 17004 were reported before."""
 
 REMAINS = 1.1
-"""Error of the better core without a law, against the true device's, from which a law remains [-]."""
+"""Ratio of the better core's error to the true device's from which a characteristic remains [-]."""
 
-NEAR = 0.05
-"""Error of a curve, as a share of its range, that is asked for [-]."""
+LARGEST_CURVE_ERROR = 0.05
+"""Largest error of a right curve, as a share of its range [-]."""
 
 SCHEDULES = ('out_and_back', 'surface_following')
 
 
 class Job(NamedTuple):
-    """One recording; without a law it is of a healthy device."""
+    """A recording to measure; an empty `law` means a healthy device."""
 
     law: str
     channel: str
@@ -91,7 +91,7 @@ class Job(NamedTuple):
 
 
 def measure(job: Job) -> dict[str, Any]:
-    """Draw a recording, identify it, and return what came of it; an effect of the library is looked for without it."""
+    """Draw a recording, identify it without the job's effect in the library, and return the row of results."""
     make = list(MAKES)[job.seed % len(MAKES)] if job.whole else None
     on_force = job.channel == FORCE
     healthy, true = (force_baseline_rmse, force_oracle_rmse) if on_force else (baseline_rmse, oracle_rmse)
@@ -103,123 +103,133 @@ def measure(job: Job) -> dict[str, Any]:
         began = time.perf_counter()
         identification = identify([recording], Options(close_loop=False))
         result = identification.channels[job.channel]
-        result.channel.library = {name: own for name, own in result.channel.library.items() if name != job.law}
+        result.channel.library = {name: effect for name, effect in result.channel.library.items() if name != job.law}
         found, conclusion = close_loop(result.fit)
         seconds = time.perf_counter() - began
         cores = [result.fit, with_core(result.fit)]
     except InputError as error:
         return {'visible': 0.0, **row, 'verdict': 'refused', 'why': str(error)}
-    except Exception as error:  # counted as a failure: one recording must not end the run
+    except Exception as error:  # counted as a failure: a recording must not end the run
         return {'visible': math.inf, **row, 'verdict': 'refused', 'why': f'{type(error).__name__}: {error}'}
     (experiment,) = result.experiments
     judged = experiment.part == PARTS.index('test')
     of_oracle = identification.splits[0].part_of(recording.displacement.times) == PARTS.index('test')
-    left = rms((force_oracle_residual if on_force else oracle_residual)(drawn)[of_oracle])
+    oracle_error = rms((force_oracle_residual if on_force else oracle_residual)(drawn)[of_oracle])
     law = conclusion.unknown
-    near = nearness(law, job.law, drawn) if law is not None and job.law else None
+    agreement = curve_agreement(law, job.law, drawn) if law is not None and job.law else None
     return {
         **row,
         'verdict': conclusion.verdict,
         'effects': conclusion.effects,
         'places': [] if law is None else [(law.enters, law.against), *law.alternatives],
-        'formulas': [] if law is None else [one.text for one in law.formulas],
-        'near': None if near is None else near._asdict(),
-        'after': rms((experiment.measured - found.simulated[0])[judged]) / left,
-        'remains': min(rms((experiment.measured - one.simulated[0])[judged]) for one in cores) / left,
+        'formulas': [] if law is None else [formula.text for formula in law.formulas],
+        'near': None if agreement is None else agreement._asdict(),
+        'after': rms((experiment.measured - found.simulated[0])[judged]) / oracle_error,
+        'remains': min(rms((experiment.measured - fit.simulated[0])[judged]) for fit in cores) / oracle_error,
         'seconds': seconds,
     }
 
 
 def is_right(row: dict[str, Any]) -> bool:
-    """Return whether the place and the variable are among those that were named."""
+    """Return whether the right place and variable are among the named pairs."""
     named = {('chamber' if enters.startswith('leak') else enters, against) for enters, against in row.get('places', ())}
     return bool(named & {**CLASSES, **LEFT_OUT}.get(row['law'], set()))
 
 
-def _is_called_static(row: dict[str, Any]) -> bool:
-    """Return whether a law was found that has no memory: one of the lagged flow has."""
+def _is_found_static(row: dict[str, Any]) -> bool:
+    """Return whether a static characteristic was found; a characteristic of the lagged flow is dynamic."""
     return row['verdict'] == 'shape_found' and row['places'][0][1] != 'flow'
 
 
 def _is_explained(row: dict[str, Any]) -> bool:
-    """Return whether effects of the library leave hardly more than the true device, and so are preferred."""
+    """Return whether library effects explain the recording almost as well as the true device."""
     return row['verdict'] == 'effect_added' and bool(row['after'] <= REMAINS)
 
 
 def report(rows: Sequence[dict[str, Any]]) -> str:
-    """Return the table of what came of recordings."""
+    """Return the table of results in Markdown."""
     lines = []
     shown = [row for row in rows if row['law'] and row['visible'] > VISIBLE]
-    seen = [row for row in shown if row['law'] not in MEMORIES]
+    seen = [row for row in shown if row['law'] not in DYNAMIC_EFFECTS]
     remaining = [row for row in seen if row.get('remains', np.inf) > REMAINS]
-    groups = [(name, [row for row in shown if row['law'] == name]) for name in (*chain(*LAWS.values()), *LIBRARY)]
-    groups = [(name, own) for name, own in groups if own]
+    groups = [
+        (name, [row for row in shown if row['law'] == name]) for name in (*chain(*CHARACTERISTICS.values()), *LIBRARY)
+    ]
+    groups = [(name, group) for name, group in groups if group]
     groups += [
         (
-            f'all of {readable_name(channel)}, {what}',
+            f'all of {readable_name(channel)}, {physics}',
             [row for row in seen if (row['channel'], row['whole']) == (channel, whole)],
         )
-        for channel, (what, whole) in product(LAWS, KINDS)
+        for channel, (physics, whole) in product(CHARACTERISTICS, KINDS)
     ]
     groups += [
-        ('effects of the library, without memory', [row for row in seen if row['law'] in LEFT_OUT]),
-        ('effects of the library, with memory', [row for row in shown if row['law'] in MEMORIES]),
-        ('all without memory', seen),
-        ('of these, that remain', remaining),
-        ('of these, that effects of the library do not explain', [row for row in remaining if not _is_explained(row)]),
+        ('effects of the library, static', [row for row in seen if row['law'] in LEFT_OUT]),
+        ('effects of the library, dynamic', [row for row in shown if row['law'] in DYNAMIC_EFFECTS]),
+        ('all static', seen),
+        ('all static that remain', remaining),
+        ('all static that remain unexplained', [row for row in remaining if not _is_explained(row)]),
     ]
-    for name, own in groups:
+    for name, group in groups:
         lines.append(
             (
                 name,
-                share(own, lambda row: row['verdict'] == 'shape_found'),
-                share(own, is_right),
-                share(own, lambda row: row.get('after', np.inf) <= 1.1),
-                share(own, lambda row: row['verdict'] == 'effect_added'),
+                share(group, lambda row: row['verdict'] == 'shape_found'),
+                share(group, is_right),
+                share(group, lambda row: row.get('after', np.inf) <= 1.1),
+                share(group, lambda row: row['verdict'] == 'effect_added'),
             )
         )
     heading = (
-        'law',
-        'drawn',
-        'where and against what right',
+        'characteristic',
+        'curve found',
+        'place and variable right',
         'error at most 1.1 of the true device’s',
-        'named otherwise',
+        'effects named instead',
     )
     curves = [row['near'] for row in seen if row.get('near') and is_right(row)]
     covered, points = (sum(near[name] for near in curves) for name in ('covered', 'points'))
-    near = share(curves, lambda one: one['error'] <= NEAR)
+    near = share(curves, lambda near: near['error'] <= LARGEST_CURVE_ERROR)
     clean = share([row for row in rows if not row['law']], lambda row: row['verdict'] == 'shape_found')
-    static = share([row for row in shown if row['law'] in MEMORIES], _is_called_static)
+    static = share([row for row in shown if row['law'] in DYNAMIC_EFFECTS], _is_found_static)
     longest = max((row.get('seconds', 0.0) for row in rows), default=0.0)
     return (
-        f'{table(heading, lines)}\n\nCurves in the law’s own place that are within {100 * NEAR:.0f} % of its range: '
-        f'{near}; their bands cover it at {covered} of {points} visited points. Drawn of healthy devices: {clean}. '
-        f'Effects with a memory called a law without one: {static}. '
-        f'The longest took {longest:.0f} s. {commit()}.'
+        f'{table(heading, lines)}\n\nCurves at the true place and within {100 * LARGEST_CURVE_ERROR:.0f} % of the true '
+        f'range: {near}. Their bands cover the true curve at {covered} of {points} visited points. Curves of healthy '
+        f'devices: {clean}. Dynamic effects for which a static curve was found: {static}. '
+        f'The longest identification took {longest:.0f} s. {commit()}.'
     )
 
 
-KINDS = (('the paper’s law', False), ('all of their physics', True))
+KINDS = (('the paper’s model', False), ('full physics', True))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure and print the table."""
     parser = argparse.ArgumentParser(prog='laws', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--seeds', type=int, default=6, help='recordings of each law, schedule and kind of device')
-    parser.add_argument('--first', type=int, default=FIRST_SEED, help='seed')
-    known = (*chain(*LAWS.values()), '')
-    parser.add_argument('--laws', nargs='+', choices=known, default=known, help='which; empty: healthy')
-    parser.add_argument('--left-out', action='store_true', help='effects of the library instead, without them')
-    parser.add_argument('--jobs', type=int, default=2, help='processes')
-    parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'laws.jsonl', help='file of what came of each')
+    parser.add_argument(
+        '--seeds', type=int, default=6, help='recordings of each characteristic, schedule and kind of device'
+    )
+    parser.add_argument('--first', type=int, default=FIRST_SEED, help='first seed')
+    known = (*chain(*CHARACTERISTICS.values()), '')
+    parser.add_argument(
+        '--laws', nargs='+', choices=known, default=known, help='characteristics; empty: healthy devices'
+    )
+    parser.add_argument('--left-out', action='store_true', help='measure effects of the library, searched without them')
+    parser.add_argument('--jobs', type=int, default=2, help='number of processes')
+    parser.add_argument(
+        '--rows', type=Path, default=ROOT / 'build' / 'laws.jsonl', help='file of rows, one a recording'
+    )
     options = parser.parse_args(arguments)
-    assert set(chain(*LAWS.values())) == STRANGE.keys()
-    asked = [(law, channel) for channel, own in LAWS.items() for law in (*own, '') if law in options.laws]
+    assert set(chain(*CHARACTERISTICS.values())) == STRANGE.keys()
+    subjects = [
+        (law, channel) for channel, names in CHARACTERISTICS.items() for law in (*names, '') if law in options.laws
+    ]
     if options.left_out:
-        asked = [(name, CYLINDER) for name in LIBRARY]
+        subjects = [(name, CYLINDER) for name in LIBRARY]
     jobs = [
         Job(law, channel, whole, schedule, options.first + seed)
-        for seed, (law, channel), (_, whole), schedule in product(range(options.seeds), asked, KINDS, SCHEDULES)
+        for seed, (law, channel), (_, whole), schedule in product(range(options.seeds), subjects, KINDS, SCHEDULES)
     ]
     rows = []
     options.rows.parent.mkdir(parents=True, exist_ok=True)

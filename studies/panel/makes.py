@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Makes of devices with all of their physics: what the panel has beside the paper's law.
+Uniform devices with full physics, in addition to the panel's devices that follow the paper's model.
 
-Flows follow the pressures, stiffness the volume, and each make does something in its own way. Those of `OWN_WAYS` do
-what no orifice of ISO 6358 and no polytropic chamber does.
+Flows depend on the pressures, the stiffness depends on the volume, and each make has a peculiarity. The makes of
+`OWN_WAYS` behave unlike orifices of ISO 6358 and polytropic chambers.
 """
 
 from __future__ import annotations
@@ -18,54 +18,54 @@ from cfd_pneumatic.units import PSI
 from studies.panel.specimen import Approach, Specimen, gains_of
 from studies.panel.textbook import Gains
 
-Draw = Callable[[float, float], float]
-"""Draws evenly between two numbers."""
+Uniform = Callable[[float, float], float]
+"""Function that draws from the uniform distribution between two numbers."""
 
 
-def orifices(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Two orifices and a polytropic chamber, and nothing else."""
+def orifices(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Change nothing: the device has two orifices and a polytropic chamber."""
     return {}
 
 
-def walls(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Exchange heat with the walls within a twentieth of a second to one."""
+def walls(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Exchange heat with the walls, with a time constant of 0.05 s to 1 s."""
     mass = cylinder.reference_pressure * cylinder.rest_volume / (Air().gas_constant * Air().temperature)
     return {'effects_a.heat_transfer': mass * SPECIFIC_HEAT / 20.0 ** -between(0.0, 1.0)}
 
 
-def even_gain(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Open the supply valve alike at every set pressure."""
+def even_gain(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Give the supply valve the same gain at every set pressure."""
     return {'cylinder_a.supply_gain_growth': 0.0}
 
 
-def subsonic(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Let the flow fall off otherwise than on an ellipse."""
+def subsonic(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Let the subsonic flow deviate from an ellipse."""
     return {
         'cylinder_a.supply_subsonic_index': between(0.35, 0.7),
         'cylinder_a.relief_subsonic_index': between(0.35, 0.7),
     }
 
 
-def silencer(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Let the relief valve blow through a silencer of the flow that it has at errors of 20 to 100 kPa."""
+def silencer(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Let the relief valve blow through a silencer as wide as the valve is at errors of 20 to 100 kPa."""
     return {'cylinder_a.silencer_conductance': cylinder.relief_gain * between(2e4, 1e5)}
 
 
-def drilled(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Let the control chamber breathe through a hole, whose entrance counts."""
+def drilled(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Fill the control chamber through a hole with an entrance loss."""
     return {'cylinder_a.entrance_loss': between(2e4, 1e5)}
 
 
-def stirred_walls(cylinder: Cylinder, between: Draw) -> dict[str, float]:
-    """Exchange heat with the walls, more of it the faster the piston moves."""
+def stirred_walls(cylinder: Cylinder, between: Uniform) -> dict[str, float]:
+    """Exchange heat with the walls; the exchange grows with piston speed."""
     return {**walls(cylinder, between), 'effects_a.stirring': between(2.0, 20.0)}
 
 
 MAKES = {make.__name__: make for make in (orifices, walls, even_gain, subsonic, silencer, drilled, stirred_walls)}
-"""Each make, by name."""
+"""Functions that return the changes of each make, by name."""
 
 OWN_WAYS = ('subsonic', 'silencer', 'drilled', 'stirred_walls')
-"""Those that are more than two orifices, a laminar tube, and a polytropic chamber with walls."""
+"""Makes with more than two orifices, a laminar tube, and a polytropic chamber with walls."""
 
 
 def draw_make(name: str, rng: np.random.Generator) -> tuple[Specimen, Gains]:
@@ -79,7 +79,7 @@ def draw_make(name: str, rng: np.random.Generator) -> tuple[Specimen, Gains]:
 
     """
     if name not in MAKES:
-        raise InputError(f'make {name!r} is not known: use one of {", ".join(MAKES)}')
+        raise InputError(f'make {name!r} is not known. Use one of {", ".join(MAKES)}.')
 
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
@@ -98,8 +98,8 @@ def draw_make(name: str, rng: np.random.Generator) -> tuple[Specimen, Gains]:
     return specimen, gains_of(specimen.rig.cylinder_a, air)
 
 
-def _cylinder(exponent: float, between: Draw) -> Cylinder:
-    """Return a cylinder of half to twice the usual size, whose regulator is half to twice as strong."""
+def _cylinder(exponent: float, between: Uniform) -> Cylinder:
+    """Return a cylinder of half to twice the usual size, with half to twice the usual regulator gains."""
     plain = Cylinder()
     size = 2.0 ** between(-1.0, 1.0)
     return plain._replace(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The panel's recordings, each drawn, identified, and put down as a row.
+Draw and identify the panel's recordings, and write a row of results for each.
 
-What is wrong with the device is compared with the answer only afterwards. Rows are kept in a file, so that a run that
-was stopped goes on where it was; those that other versions of the program gave are measured again.
+The identification does not see the fault of the device. A stopped run continues from its file of rows. Rows of other
+versions of the program are measured again.
 """
 
 from __future__ import annotations
@@ -44,35 +44,35 @@ CYLINDER = 'cylinder_a'
 
 ON_FORCE_KINDS = ('force', 'clean_force')
 WHOLE_KINDS = ('whole', 'healthy_whole')
-"""Of devices with all of their physics, with one effect and without."""
+"""Devices with full physics, with an effect and healthy."""
 
 KINDS = ('effects', 'foreign', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS)
 
 ON_WHOLE = tuple(name for name in LIBRARY if not any(name in core.covers for core in CORES.values()))
-"""Effects that a device with all of its physics may have: the others are its physics."""
+"""Effects that are not part of the full physics."""
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
 
 FIRST_SEED = 1000
-"""Of the report; 0 to 99 were used while developing."""
+"""First seed of the report; 0 to 99 were used for development."""
 
 FIRST_WHOLE_SEED = 23000
-"""Of the report on devices with all of their physics; 0 to 199 were used to develop, 5000 to 22999 were reported."""
+"""First seed of the report on full physics; 0 to 199 were used for development, 5000 to 22999 reported before."""
 
 VISIBLE = 1.15
-"""Residual over the oracle's from which on somebody could see that something is wrong."""
+"""Ratio of the error before to the oracle's error from which an effect is visible [-]."""
 
 PAIRS = tuple(
     tuple(pair) for pair in np.random.default_rng(0).permutation(list(itertools.combinations(LIBRARY, 2))).tolist()
 )
-"""All pairs in an order in which any run of them is mixed."""
+"""All pairs of effects, in random order."""
 
 
 class Job(NamedTuple):
-    """One recording to be drawn and identified."""
+    """A recording to draw and identify."""
 
     kind: str
-    effects: tuple[str, ...]  # the kind of noise where the kind is 'clean'; none where it is 'clean_force'
+    effects: tuple[str, ...]  # the kind of noise if the kind is 'clean'; empty if it is 'clean_force'
     schedule: str
     seed: int
 
@@ -80,34 +80,34 @@ class Job(NamedTuple):
 @dataclass(frozen=True)
 class Row:
     """
-    What came of one recording; errors are RMSEs over the oracle's on the same samples.
+    Results of a recording; errors are RMSEs divided by the oracle's RMSE on the same samples.
 
     Attributes
     ----------
     kind, effects, schedule, seed
         As in `Job`.
     verdict
-        The loop's, 'refused' where the recording was not identified, 'not_drawn' where two effects exclude each other.
+        Verdict of the loop; 'refused' if the identification failed; 'not_drawn' if two effects exclude each other.
     named, alternatives
-        The loop's.
+        Effects that the loop named, and the alternatives to each.
     before, after
-        Errors on the whole recording; before, of a device with all of its physics, with the physical core.
+        Errors on the whole recording. `before` is the error of the physical core for devices with full physics.
     before_test, after_test
-        Errors on the test part, on the whole recording where there is none.
+        Errors on the test part, or on the whole recording if there is no test part.
     tested
-        Whether there is one.
+        Whether there is a test part.
     noise
-        The loop's noise floor over the oracle's error.
-    beside
-        For each effect of a pair: the error of the model with only the other one.
+        Noise floor of the loop divided by the oracle's error.
+    errors_without
+        For each effect of a pair: the error of the model without the effect, refitted.
     seconds
-        That the identification took.
+        Duration of the identification.
     strengths
-        Of the effects.
+        Strengths of the effects.
     why
-        Why it was refused.
+        Reason of a verdict 'refused' or 'not_drawn'.
     code, commit
-        What measured it.
+        Version of the program that measured the row.
 
     """
 
@@ -124,7 +124,7 @@ class Row:
     after_test: float = math.nan
     tested: bool = False
     noise: float = math.nan
-    beside: Mapping[str, float] = field(default_factory=dict)
+    errors_without: Mapping[str, float] = field(default_factory=dict)
     seconds: float = math.nan
     strengths: Mapping[str, float] = field(default_factory=dict)
     why: str = ''
@@ -137,16 +137,21 @@ class Row:
 
     @property
     def visible(self) -> bool:
-        """Whether anybody could have seen that something is wrong; one that is refused is held against the loop."""
+        """Whether the effect is visible; a refused recording counts as visible."""
         return not self.before <= VISIBLE
 
     @property
     def both_visible(self) -> bool:
-        """Whether each effect of a pair shows beside the other."""
-        return not any(error <= VISIBLE for error in self.beside.values())
+        """Whether each effect of a pair is visible next to the other."""
+        return not any(error <= VISIBLE for error in self.errors_without.values())
 
 
-_DRAWN: Mapping[str, Iterable[str]] = {'foreign': FOREIGN, 'clean': NOISES, 'force': ON_FORCE, 'whole': ON_WHOLE}
+_EFFECTS_OF_KIND: Mapping[str, Iterable[str]] = {
+    'foreign': FOREIGN,
+    'clean': NOISES,
+    'force': ON_FORCE,
+    'whole': ON_WHOLE,
+}
 
 
 def jobs_of(
@@ -155,14 +160,14 @@ def jobs_of(
     seeds: Callable[[str, str], range],
     effects: Sequence[str] | None = None,
 ) -> list[Job]:
-    """Return the recordings of a run, mixed, so that a run that is stopped has some of each."""
+    """Return the recordings of a run by seed, so that a stopped run has recordings of each kind."""
     jobs = []
     for kind, schedule in itertools.product(kinds, schedules):
         for seed in seeds(kind, schedule):
             if kind == 'pairs':
                 subjects: list[tuple[str, ...]] = [PAIRS[seed % len(PAIRS)]]
             else:
-                names = _DRAWN.get(kind, LIBRARY)
+                names = _EFFECTS_OF_KIND.get(kind, LIBRARY)
                 subjects = [()] if kind in ('clean_force', 'healthy_whole') else [(name,) for name in names]
             jobs += [Job(kind, subject, schedule, seed) for subject in subjects]
     if effects is not None:
@@ -180,29 +185,29 @@ def measure(job: Job) -> Row:
     except InputError as error:
         return Row(*job, verdict='not_drawn', why=str(error))
     try:
-        return _identified(job, drawn)
-    except Exception as error:  # counted as a failure: one recording must not end the run
+        return _identify(job, drawn)
+    except Exception as error:  # counted as a failure: a recording must not end the run
         return Row(*job, verdict='refused', why=f'{type(error).__name__}: {error}')
 
 
 def make_of(kind: str, seed: int) -> str | None:
-    """Return the make that a device with all of its physics is of, None for one of the paper's law."""
+    """Return the make of a device with full physics; None if the device follows the paper's model."""
     return list(MAKES)[seed % len(MAKES)] if kind in WHOLE_KINDS else None
 
 
 def cylinder_a_of(drawn: Draw) -> Recording:
-    """Return cylinder A of a draw, as a user would hand it in."""
+    """Return the recording of cylinder A alone."""
     whole = recording_of(drawn.recording)
     return replace(whole, cylinders={CYLINDER: whole.cylinders[CYLINDER]}, force=None)
 
 
-def _identified(job: Job, drawn: Draw) -> Row:
-    """Return the answer; residuals stand beside what the oracle has left."""
+def _identify(job: Job, drawn: Draw) -> Row:
+    """Return the row of an identification; its errors are relative to the oracle's."""
     if job.kind in ON_FORCE_KINDS:
-        recording, left, channel = recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
+        recording, oracle_error, channel = recording_of(drawn.recording), force_oracle_residual(drawn), 'force'
         options = Options(close_loop=True, area=Cylinder().area)
     else:
-        recording, left, channel = cylinder_a_of(drawn), oracle_residual(drawn), CYLINDER
+        recording, oracle_error, channel = cylinder_a_of(drawn), oracle_residual(drawn), CYLINDER
         options = Options(close_loop=True)
     began = time.perf_counter()
     identification = identify([recording], options)
@@ -211,18 +216,18 @@ def _identified(job: Job, drawn: Draw) -> Row:
     found, conclusion = result.found, result.findings
     (experiment,) = result.experiments
     healthy = with_core(result.fit) if job.kind in WHOLE_KINDS else result.fit
-    before, after = (experiment.measured - one.simulated[0] for one in (healthy, found))
+    before, after = (experiment.measured - fit.simulated[0] for fit in (healthy, found))
     of_oracle = identification.splits[0].part_of(recording.displacement.times)
     test, oracles_test = experiment.part == PARTS.index('test'), of_oracle == PARTS.index('test')
     tested = bool(np.any(test))
     if not tested:
         test[:], oracles_test[:] = True, True
-    floor, floor_test = rms(left), rms(left[oracles_test])
+    floor, floor_test = rms(oracle_error), rms(oracle_error[oracles_test])
     return Row(
         *job,
         verdict=conclusion.verdict,
         named=conclusion.effects,
-        alternatives={name: tuple(others) for name, others in conclusion.alternatives.items() if others},
+        alternatives={name: tuple(names) for name, names in conclusion.alternatives.items() if names},
         before=rms(before) / floor,
         after=rms(after) / floor,
         before_test=rms(before[test]) / floor_test,
@@ -230,52 +235,54 @@ def _identified(job: Job, drawn: Draw) -> Row:
         tested=tested,
         noise=conclusion.noise.std / floor,
         strengths=drawn.truth.strengths,
-        beside=_beside(job.effects, result.fit, found, floor) if job.kind == 'pairs' else {},
+        errors_without=_errors_without_each(job.effects, result.fit, found, floor) if job.kind == 'pairs' else {},
         seconds=seconds,
     )
 
 
-def _beside(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dict[str, float]:
-    """Return for each effect of a pair what the model with only the other one, fitted from many starts, leaves."""
-    likelihood, begin = baseline.likelihood, baseline.model
+def _errors_without_each(pair: Sequence[str], baseline: Fit, found: Fit, floor: float) -> dict[str, float]:
+    """Return for each effect of a pair the error of the model without the effect, refitted from many starts."""
+    likelihood, baseline_model = baseline.likelihood, baseline.model
     channel, experiments = likelihood.channel, likelihood.experiments
-    data = channel.data(experiments, begin, baseline.simulated)
-    measured = np.concatenate([one.measured for one in experiments])
+    data = channel.data(experiments, baseline_model, baseline.simulated)
+    measured = np.concatenate([experiment.measured for experiment in experiments])
     errors = {}
-    for effect, other in zip(pair, reversed(pair)):
-        starts = [replace(begin, effects={other: start}) for start in channel.effects[other].starts(data)]
-        if other in found.model.effects:
-            starts.append(replace(found.model, effects={other: found.model.effects[other]}))
+    for effect, remaining in zip(pair, reversed(pair)):
+        starts = [
+            replace(baseline_model, effects={remaining: start}) for start in channel.effects[remaining].starts(data)
+        ]
+        if remaining in found.model.effects:
+            starts.append(replace(found.model, effects={remaining: found.model.effects[remaining]}))
         models = [find_optimum(likelihood, start, 1e-5, 20).model for start in starts]
-        errors[effect] = min(rms(measured - np.concatenate(likelihood.simulate(one))) / floor for one in models)
+        errors[effect] = min(rms(measured - np.concatenate(likelihood.simulate(model))) / floor for model in models)
     return errors
 
 
 def read_rows(path: Path, code: str | None) -> dict[Job, Row]:
-    """Return the rows of a file that some version of the program measured, of any where it is None."""
+    """Return the rows of a file that a version of the program measured; None: all rows."""
     rows = map(_row, path.read_text(encoding='utf-8').splitlines()) if path.exists() else ()
     return {row.job: row for row in rows if row is not None and code in (None, row.code)}
 
 
 def _row(line: str) -> Row | None:
-    """Return a row; None where the line was cut off or the rows had other fields then."""
+    """Return the row of a line; None if the line is incomplete or has different fields."""
     try:
-        found = json.loads(line)
+        values = json.loads(line)
     except ValueError:
         return None
-    if not isinstance(found, dict) or found.keys() != {one.name for one in fields(Row)}:
+    if not isinstance(values, dict) or values.keys() != {field.name for field in fields(Row)}:
         return None
     for name in ('effects', 'named'):
-        found[name] = tuple(found[name])
-    found['alternatives'] = {name: tuple(others) for name, others in found['alternatives'].items()}
-    return Row(**found)
+        values[name] = tuple(values[name])
+    values['alternatives'] = {name: tuple(names) for name, names in values['alternatives'].items()}
+    return Row(**values)
 
 
 def run(jobs: Sequence[Job], path: Path, code: str, processes: int) -> None:
-    """Measure and append a row for each recording, in processes of one thread each; in this one where there are 0."""
+    """Measure recordings and append a row for each, in processes of one thread each; 0: in this process."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    here = commit()
+    current_commit = commit()
     with path.open('a', encoding='utf-8') as stream:
         for row in side_by_side(measure, jobs, 'recordings', processes):
-            stream.write(json.dumps({**asdict(row), 'code': code, 'commit': here}) + '\n')
+            stream.write(json.dumps({**asdict(row), 'code': code, 'commit': current_commit}) + '\n')
             stream.flush()

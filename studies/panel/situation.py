@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done to a device: an effect by its strength, and the situation that it is put into."""
+"""Define an effect of the panel, and the situation in which an effect is installed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studies.panel.textbook import Gains
 
 
 class Situation(NamedTuple):
-    """What an effect is put into."""
+    """Device, gains, schedule and random numbers for which an effect is installed."""
 
     specimen: Specimen
     gains: Gains
@@ -29,12 +29,12 @@ class Situation(NamedTuple):
 
     @property
     def reference_gauge(self) -> float:
-        """Gauge pressure at which strengths are told [Pa]."""
+        """Gauge pressure to which strengths refer [Pa]."""
         return self.specimen.rig.cylinder_a.reference_pressure - self.specimen.rig.air.ambient_pressure
 
-    def between(self, one_end: float, other_end: float) -> float:
-        """Draw evenly on a logarithmic scale."""
-        return float(one_end * (other_end / one_end) ** self.rng.random())
+    def between(self, start: float, end: float) -> float:
+        """Draw a number between two ends, evenly on a logarithmic scale."""
+        return float(start * (end / start) ** self.rng.random())
 
     def sign(self) -> float:
         """Draw 1 or -1."""
@@ -46,13 +46,13 @@ Changes = dict[str, float]
 
 
 class Effect(NamedTuple):
-    """One effect by its strength."""
+    """An effect, and the range and unit of its strength."""
 
     weakest: float
     strongest: float
     unit: str
     meaning: str
-    """What the strength is."""
+    """Meaning of the strength."""
 
     install: Callable[[float, Situation], Changes]
-    """Gives the changes that make a strength."""
+    """Function that returns the changes for a strength."""

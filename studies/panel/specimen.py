@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The devices of the panel: the paper's model made of metal, and what is done to it."""
+"""Draw the devices of the panel: physical devices that follow the paper's model, and their changes."""
 
 from __future__ import annotations
 
@@ -28,25 +28,25 @@ from cfd_pneumatic.units import PSI
 from studies.panel.textbook import Gains, draw_gains
 
 SETTLING = 2.0
-"""How long a rig is left alone before its recording begins [s]."""
+"""Time for which a rig settles before its recording begins [s]."""
 
 
 class Clock(NamedTuple):
-    """How the time stamps of the pressures relate to those of all else."""
+    """Error of the pressures' time stamps relative to all other stamps."""
 
     delay: float = 0.0
-    """How old a pressure is when it is stamped [s]; negative where all else is older."""
+    """Age of a pressure when its stamp is taken [s]; negative if all other signals are older."""
 
     gain: float = 0.0
-    """By how much of its own the pressures' clock runs fast."""
+    """Relative rate by which the pressures' clock is fast [-]."""
 
     def sampled(self, stamps: Array) -> Array:
-        """Return when the pressures with some stamps [s] were there [s]."""
+        """Return the true times [s] of pressures with stamps [s]."""
         return (stamps - self.delay) / (1.0 + self.gain)
 
 
 class Approach(NamedTuple):
-    """Where a rig comes from when it settles, which decides where play and friction come to rest."""
+    """State from which a rig settles; the state determines where backlash and friction come to rest."""
 
     position: float = 0.0
     """Displacement, relative to where it settles [m]."""
@@ -56,7 +56,7 @@ class Approach(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What a rig is put through, at knots one period apart."""
+    """Motion and set-points of a rig, at knots one period apart."""
 
     positions: Array
     """Displacement at the end of each knot's interval [m], (n,)."""
@@ -75,20 +75,20 @@ class Motion(NamedTuple):
 
 
 class Specimen(NamedTuple):
-    """A device with its instruments' clock, as one draw has it."""
+    """A device of the panel with the clock of its instruments."""
 
     rig: RigParameters
     clock: Clock = Clock()
     approach: Approach = Approach()
 
     def with_changes(self, changes: dict[str, float]) -> Specimen:
-        """Return the specimen with fields changed that are named like ``effects_a.play`` or ``clock.delay``."""
-        of_clock = {name.partition('.')[2]: value for name, value in changes.items() if name.startswith('clock.')}
-        of_rig = {name: value for name, value in changes.items() if not name.startswith('clock.')}
-        return self._replace(rig=with_changes(self.rig, of_rig), clock=self.clock._replace(**of_clock))
+        """Return the specimen with changed fields, named like ``effects_a.play`` or ``clock.delay``."""
+        clock_changes = {name.partition('.')[2]: value for name, value in changes.items() if name.startswith('clock.')}
+        rig_changes = {name: value for name, value in changes.items() if not name.startswith('clock.')}
+        return self._replace(rig=with_changes(self.rig, rig_changes), clock=self.clock._replace(**clock_changes))
 
-    def put_through(self, motion: Motion) -> tuple[Truth, Truth]:
-        """Return what happens at each knot of a motion that begins at rest, and what of it arrives at the sensors."""
+    def simulate(self, motion: Motion) -> tuple[Truth, Truth]:
+        """Return the true quantities at each knot of a motion from rest, and the quantities at the sensors."""
         home, period = float(motion.positions[0]), motion.period
         levels = motion.setpoints[0]
         knots = round(SETTLING / period)
@@ -111,9 +111,9 @@ class Specimen(NamedTuple):
 
 def cylinder_with(gains: Gains, polytropic_exponent: float, air: Air) -> Cylinder:
     """
-    Return a cylinder with some gains and frozen coefficients, so that it follows the paper's model.
+    Return a cylinder with given gains and constant coefficients, which follows the paper's model.
 
-    The control chamber is small enough to be filled from the cylinder unnoticed.
+    The control chamber is so small that its filling does not change the cylinder's pressure noticeably.
     """
     plain = Cylinder(
         polytropic_exponent=polytropic_exponent,
@@ -125,16 +125,16 @@ def cylinder_with(gains: Gains, polytropic_exponent: float, air: Air) -> Cylinde
     rest = plain.reference_pressure
     sized = plain._replace(rest_volume=plain.polytropic_exponent * rest * plain.area / gains.k_x)
 
-    own = gains_of(sized, air)
+    sized_gains = gains_of(sized, air)
     return sized._replace(
-        supply_gain=sized.supply_gain * gains.k_sv / own.k_sv,
-        relief_gain=sized.relief_gain * gains.k_v / own.k_v,
-        aspirator_diameter=sized.aspirator_diameter / (gains.tau / own.tau) ** 0.25,
+        supply_gain=sized.supply_gain * gains.k_sv / sized_gains.k_sv,
+        relief_gain=sized.relief_gain * gains.k_v / sized_gains.k_v,
+        aspirator_diameter=sized.aspirator_diameter / (gains.tau / sized_gains.tau) ** 0.25,
     )
 
 
 def gains_of(cylinder: Cylinder, air: Air) -> Gains:
-    """Return what a cylinder does when little happens about its reference pressure, as the paper's gains."""
+    """Return the paper's gains of a cylinder, linearised about its reference pressure."""
     rest = cylinder.reference_pressure
 
     def rate(outlet: float, sensed: float) -> CylinderState:
@@ -153,13 +153,13 @@ def gains_of(cylinder: Cylinder, air: Air) -> Gains:
 
 def draw_specimen(rng: np.random.Generator) -> tuple[Specimen, Gains]:
     """Return a healthy specimen without mass and friction, and the gains of its cylinder A."""
-    gains, other_gains = draw_gains(rng), draw_gains(rng)
+    gains, gains_b = draw_gains(rng), draw_gains(rng)
     air = Air(supply_pressure=Air().ambient_pressure + rng.uniform(45.0, 90.0) * PSI)
     exponent = rng.uniform(1.0, 1.4)
     rig = RigParameters(
         air=air,
         cylinder_a=cylinder_with(gains, exponent, air),
-        cylinder_b=cylinder_with(other_gains, exponent, air),
+        cylinder_b=cylinder_with(gains_b, exponent, air),
         piston=Piston(mass=0.0),
         seal=Seal(coulomb=0.0, coulomb_per_pressure=0.0, viscous=0.0),
     )

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Laws that no library has, thought up before anybody looked for them: where each enters, and on what it depends.
+Define unknown characteristics: characteristics that no library has, invented before the search for them was written.
 
-What can't be told apart by anybody stands together: an error that is larger everywhere is a set-point that is higher.
-A search is developed on seeds below 1,000, and reported on those from 7,000 on.
+`CLASSES` lists the right places and variables of each. Places that no recording can distinguish count as equally right:
+a valve error that is larger everywhere equals a higher set-point. Seeds below 1,000 are for developing a search, seeds
+from 7,000 on for reporting it.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ import numpy as np
 
 from studies.panel.situation import Changes, Effect, Situation
 
-Law = Callable[[float, Situation], Changes]
+Install = Callable[[float, Situation], Changes]
 
-_SPEED = 0.02  # of a lively stroke [m/s]
+_SPEED = 0.02  # of a fast stroke [m/s]
 
 
-def _along(situation: Situation) -> tuple[float, float]:
-    """Draw a place well within the stroke, and a length of it [m]."""
+def _place(situation: Situation) -> tuple[float, float]:
+    """Draw a position well within the stroke, and a length [m]."""
     low, high = float(np.min(situation.schedule.positions)), float(np.max(situation.schedule.positions))
     return low + situation.rng.uniform(0.3, 0.7) * (high - low), (high - low) * situation.between(0.1, 0.3)
 
@@ -33,12 +34,12 @@ def _gauge(situation: Situation) -> float:
 
 def bulge(share: float, situation: Situation) -> Changes:
     """Let the bore be larger, or smaller, somewhere along the stroke."""
-    place, length = _along(situation)
+    place, length = _place(situation)
     return {'odd_a.bulge': share * situation.sign(), 'odd_a.bulge_position': place, 'odd_a.bulge_length': length}
 
 
 def one_way(share: float, situation: Situation) -> Changes:
-    """Let a seal roll, so that the way out and the way back sweep different volumes."""
+    """Let a seal roll, so that outward and return strokes sweep different volumes."""
     return {'odd_a.one_way': share * situation.sign()}
 
 
@@ -61,7 +62,7 @@ def pop_valve(share: float, situation: Situation) -> Changes:
 
 
 def worn_seat(share: float, situation: Situation) -> Changes:
-    """Let the valves open wider, or less, about an error."""
+    """Let the valves open more, or less, near an error."""
     error = situation.between(300.0, 3e3)
     return {
         'odd_a.groove': share * situation.sign(),
@@ -71,42 +72,42 @@ def worn_seat(share: float, situation: Situation) -> Changes:
 
 
 def rushing_air(pressure: float, situation: Situation) -> Changes:
-    """Let air that rushes past the control port suck, or press."""
+    """Let fast air at the control port lower, or raise, the set pressure."""
     return {'odd_a.port': pressure * situation.sign(), 'odd_a.port_speed': _SPEED * situation.between(0.3, 3.0)}
 
 
 def starving_supply(fall: float, situation: Situation) -> Changes:
-    """Let a thin hose starve the supply valve, more the longer it is open: tell the fall at a lively stroke's flow."""
+    """Let a thin hose lower the supply pressure with the lagged flow; `fall` is at a fast stroke's flow."""
     flow = situation.gains.k_x * _SPEED * situation.mass_per_pressure
     return {'odd_a.starving': fall / flow, 'odd_a.starving_lag': situation.between(0.03, 0.5)}
 
 
 def ledge(height: float, situation: Situation) -> Changes:
-    """Let the regulator be set higher at one end of the stroke than at the other, as where it hangs on the hose."""
-    place, length = _along(situation)
+    """Let the set pressure be higher at one end of the stroke, because the hose pulls at the regulator."""
+    place, length = _place(situation)
     return {'odd_a.ledge': height * situation.sign(), 'odd_a.ledge_position': place, 'odd_a.ledge_length': length}
 
 
 def creep(height: float, situation: Situation) -> Changes:
-    """Let the set pressure creep, ever more slowly."""
+    """Let the set pressure creep to its final value."""
     duration = situation.schedule.duration
     return {'odd_a.creep': height * situation.sign(), 'odd_a.creep_time': duration * situation.between(0.08, 0.25)}
 
 
 def kinked_sensor(share: float, situation: Situation) -> Changes:
-    """Let the pressure sensor read more, or less, of what is above a pressure."""
+    """Let the pressure sensor have a different gain above a pressure."""
     return {'odd_a.kink': share * situation.sign(), 'odd_a.kink_pressure': _gauge(situation)}
 
 
 def tilting_sensor(amplitude: float, situation: Situation) -> Changes:
-    """Let the pressure's reading go up and down along the stroke."""
+    """Let the reading of the pressure oscillate along the stroke."""
     span = float(np.ptp(situation.schedule.positions))
     return {'odd_a.tilt': amplitude, 'odd_a.tilt_length': span * situation.between(0.3, 0.9)}
 
 
 def scarred_bore(friction: float, situation: Situation) -> Changes:
     """Let the piston rub somewhere along the stroke."""
-    place, length = _along(situation)
+    place, length = _place(situation)
     return {
         'odd_force.scar': friction,
         'odd_force.scar_position': place,
@@ -116,24 +117,24 @@ def scarred_bore(friction: float, situation: Situation) -> Changes:
 
 
 def bent_cell(share: float, situation: Situation) -> Changes:
-    """Let the load cell read less the more it bears: tell the share at 50 N."""
+    """Let the load cell lose sensitivity with load; `share` is the loss at 50 N."""
     return {'odd_force.bend': share / 50.0 * situation.sign()}
 
 
 def cable_bundle(force: float, situation: Situation) -> Changes:
-    """Let cables pull beyond their slack: tell their pull at 1 mm beyond."""
+    """Let cables pull beyond their slack; `force` is the pull 1 mm beyond the slack."""
     return {'odd_force.bundle': force / 1e-3, 'odd_force.bundle_slack': situation.between(2e-4, 8e-4)}
 
 
 STRANGE = {
     'bulge': Effect(0.01, 0.3, '1', 'share by which the bore is larger or smaller', bulge),
-    'one_way': Effect(0.01, 0.3, '1', 'share by which the way out sweeps more or less', one_way),
+    'one_way': Effect(0.01, 0.3, '1', 'share by which the outward stroke sweeps more or less', one_way),
     'soft_wall': Effect(0.02, 0.5, '1', 'share by which the chamber is larger or smaller', soft_wall),
     'swimming_seal': Effect(0.003, 0.3, '1', 'fall of pressure at high speed, in gauge pressures', swimming_seal),
     'pop_valve': Effect(0.01, 1.0, '1', "conductance, in the relief valve's gains", pop_valve),
     'worn_seat': Effect(0.2, 0.9, '1', 'share by which the valves are wider or less wide open', worn_seat),
     'rushing_air': Effect(50.0, 5e3, 'Pa', 'suction at high speed', rushing_air),
-    'starving_supply': Effect(5e3, 2e5, 'Pa', "fall of the supply pressure at a lively stroke's flow", starving_supply),
+    'starving_supply': Effect(5e3, 2e5, 'Pa', "fall of the supply pressure at a fast stroke's flow", starving_supply),
     'ledge': Effect(50.0, 3e3, 'Pa', 'height', ledge),
     'creep': Effect(50.0, 3e3, 'Pa', 'height', creep),
     'kinked_sensor': Effect(0.01, 0.3, '1', 'share', kinked_sensor),
@@ -142,7 +143,7 @@ STRANGE = {
     'bent_cell': Effect(0.01, 0.3, '1', 'share at 50 N', bent_cell),
     'cable_bundle': Effect(0.2, 20.0, 'N', 'pull at 1 mm beyond the slack', cable_bundle),
 }
-"""Each of them by its strength."""
+"""Unknown characteristics by name."""
 
 CLASSES = {
     'bulge': {('gain', 'x')},
@@ -161,7 +162,7 @@ CLASSES = {
     'bent_cell': {('cell', 'force')},
     'cable_bundle': {('force', 'x')},
 }
-"""Where each enters, and against what: whoever says one of these is right."""
+"""Right places and variables of each characteristic; an answer with one of the pairs is right."""
 
 STRANGE_FORCE = ('scarred_bore', 'bent_cell', 'cable_bundle')
-"""Those of the contact force."""
+"""Unknown characteristics of the contact force."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The panel's effects: what is done to a device, and how strongly.
+Define the panel's effects: the changes of a device, and the ranges of strengths.
 
-A strength is drawn evenly on a logarithmic scale between the weakest, hardly to be seen in the longest schedule, and
-the strongest. Cylinder A is the one that is tampered with.
+The distribution of strengths is uniform on a logarithmic scale. The weakest strength is hardly visible in the longest
+schedule. All effects change cylinder A.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from studies.panel.situation import Changes, Effect, Situation
 from studies.panel.strange import STRANGE
 
 
-def _sets(field: str) -> Callable[[float, Situation], Changes]:
-    """Return what installs an effect whose strength is a value of the rig, by its name."""
+def _setter(field: str) -> Callable[[float, Situation], Changes]:
+    """Return a function that sets a field of the rig to the strength."""
     return lambda strength, _: {field: strength}
 
 
-def _sets_either_way(field: str) -> Callable[[float, Situation], Changes]:
-    """Return the same for a value that may as well be negative."""
+def _setter_either_sign(field: str) -> Callable[[float, Situation], Changes]:
+    """Return a function that sets a field of the rig to plus or minus the strength."""
     return lambda strength, situation: {field: strength * situation.sign()}
 
 
@@ -43,7 +43,7 @@ def leakage(share: float, situation: Situation) -> Changes:
 
 
 def positional_leakage(share: float, situation: Situation) -> Changes:
-    """Let the seal lift somewhere within the schedule's stroke, both ways or one."""
+    """Let the seal lift somewhere within the schedule's stroke, in both directions or in one."""
     low, high = float(np.min(situation.schedule.positions)), float(np.max(situation.schedule.positions))
     return {
         'effects_a.lift_admittance': situation.gains.k_sv * share * situation.mass_per_pressure,
@@ -61,7 +61,7 @@ def line_resonance(frequency: float, situation: Situation) -> Changes:
 
 
 def line_restriction(time_constant: float, situation: Situation) -> Changes:
-    """Narrow the line between regulator and cylinder, which then fills with a time constant."""
+    """Narrow the line from regulator to cylinder, so that the cylinder fills with a time constant."""
     return {
         'effects_a.line_resistance': time_constant / situation.mass_per_pressure,
         'effects_a.outlet_volume': 0.08 * situation.specimen.rig.cylinder_a.rest_volume,
@@ -69,13 +69,13 @@ def line_restriction(time_constant: float, situation: Situation) -> Changes:
 
 
 def nonlinear_valve(bend: float, situation: Situation) -> Changes:
-    """Let the valves open with a power of the error, less or more than linear."""
+    """Let the valves open with a power of the error, below or above 1."""
     exponent = math.exp(bend * situation.sign())
     return {'effects_a.valve_exponent': exponent, 'effects_a.valve_pivot': situation.between(1e3, 3e3)}
 
 
 def flow_saturation(error: float, situation: Situation) -> Changes:
-    """Let the valves be fully open at an error, and the relief at another."""
+    """Let each valve be fully open at a separate error."""
     cylinder = situation.specimen.rig.cylinder_a
     return {
         'cylinder_a.supply_conductance': cylinder.supply_gain * error,
@@ -84,7 +84,7 @@ def flow_saturation(error: float, situation: Situation) -> Changes:
 
 
 def heat_transfer(time_constant: float, situation: Situation) -> Changes:
-    """Let the air exchange heat with the wall, within a time constant; at first it is as stiff as without."""
+    """Let the air exchange heat with the wall, without a change of the initial stiffness."""
     cylinder, air = situation.specimen.rig.cylinder_a, situation.specimen.rig.air
     volume = cylinder.rest_volume * ADIABATIC_EXPONENT / cylinder.polytropic_exponent
     mass = cylinder.reference_pressure * volume / (air.gas_constant * air.temperature)
@@ -105,12 +105,12 @@ def _pulsating(amplitude: float, slowest: float, fastest: float, situation: Situ
 
 
 def supply_variation(amplitude: float, situation: Situation) -> Changes:
-    """Let the compressor's cycle through to the set pressure: no slower than once a recording, 0.2 to 2.5 Hz."""
+    """Let the compressor's cycle, 0.2 to 2.5 Hz and at least a cycle per recording, modulate the set pressure."""
     return _pulsating(amplitude, max(0.2, 1.0 / situation.schedule.duration), 2.5, situation)
 
 
 def droop(lead: float, situation: Situation) -> Changes:
-    """Let the set pressure give way to the flow, late."""
+    """Let the set pressure fall with the lagged flow."""
     return {'effects_a.droop': lead / situation.mass_per_pressure, 'effects_a.droop_lag': situation.between(0.03, 0.2)}
 
 
@@ -125,7 +125,7 @@ def seal_friction(coulomb: float, situation: Situation) -> Changes:
 
 
 def stribeck_friction(breakaway: float, situation: Situation) -> Changes:
-    """Let the seals rub where they move slowly."""
+    """Let the seals rub more at low speed."""
     return {
         'seal.breakaway': breakaway,
         'seal.stribeck_speed': situation.between(3e-3, 2e-2),
@@ -140,7 +140,7 @@ def moving_mass(mass: float, situation: Situation) -> Changes:
 
 
 def poppet_inertia(slowness: float, situation: Situation) -> Changes:
-    """Give the valve a mass that makes it almost as slow as the loop bears: then it would buzz."""
+    """Give the valve a mass; at slowness 1 the regulator's loop would oscillate."""
     damping = situation.between(0.2, 0.5)
     gains = situation.gains
     limit = math.sqrt(gains.k_sv / (2.0 * damping * gains.tau)) / (2.0 * math.pi)
@@ -162,7 +162,7 @@ def set_point_jump(size: float, situation: Situation) -> Changes:
 
 
 def mains_hum(amplitude: float, situation: Situation) -> Changes:
-    """Let the mains into the pressure signal."""
+    """Add mains hum to the pressure signal."""
     return {
         'effects_a.hum': amplitude,
         'effects_a.hum_frequency': float(situation.rng.choice([50.0, 60.0])),
@@ -172,53 +172,55 @@ def mains_hum(amplitude: float, situation: Situation) -> Changes:
 
 LIBRARY = {
     'leakage': Effect(0.0002, 0.05, '1', 'fall of the resting pressure, in gauge pressures', leakage),
-    'positional_leakage': Effect(0.0003, 0.05, '1', 'the same with the seal lifted altogether', positional_leakage),
-    'transport_delay': Effect(0.0005, 0.015, 's', 'dead time', _sets_either_way('clock.delay')),
-    'sensor_lag': Effect(0.0005, 0.015, 's', 'time constant', _sets('effects_a.sensor_lag')),
+    'positional_leakage': Effect(
+        0.0003, 0.05, '1', 'fall with the seal lifted, in gauge pressures', positional_leakage
+    ),
+    'transport_delay': Effect(0.0005, 0.015, 's', 'dead time', _setter_either_sign('clock.delay')),
+    'sensor_lag': Effect(0.0005, 0.015, 's', 'time constant', _setter('effects_a.sensor_lag')),
     'line_resonance': Effect(200.0, 40.0, 'Hz', 'natural frequency', line_resonance),
     'line_restriction': Effect(
         0.0005, 0.008, 's', 'time constant of the cylinder filling through the line', line_restriction
     ),
-    'valve_dead_band': Effect(30.0, 1500.0, 'Pa', 'half the band', _sets('effects_a.dead_band')),
-    'valve_hysteresis': Effect(30.0, 1500.0, 'Pa', 'half the play', _sets('effects_a.play')),
+    'valve_dead_band': Effect(30.0, 1500.0, 'Pa', 'half the band', _setter('effects_a.dead_band')),
+    'valve_hysteresis': Effect(30.0, 1500.0, 'Pa', 'half the backlash', _setter('effects_a.play')),
     'nonlinear_valve': Effect(0.03, 0.6, '1', 'logarithm of the exponent, either way', nonlinear_valve),
     'flow_saturation': Effect(12000.0, 600.0, 'Pa', 'error at which the supply valve is fully open', flow_saturation),
-    'operating_point': Effect(1.0, 1.0, '1', 'dependence on pressure', _sets('cylinder_a.pressure_dependence')),
-    'volume_variation': Effect(1.0, 1.0, '1', 'dependence on position', _sets('cylinder_a.position_dependence')),
+    'operating_point': Effect(1.0, 1.0, '1', 'dependence on pressure', _setter('cylinder_a.pressure_dependence')),
+    'volume_variation': Effect(1.0, 1.0, '1', 'dependence on position', _setter('cylinder_a.position_dependence')),
     'heat_transfer': Effect(1.0, 0.03, 's', "time constant to the wall's temperature", heat_transfer),
-    'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', _sets('piston.lost_motion')),
-    'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', _sets('pickup.displacement_lag')),
-    'displacement_delay': Effect(0.025, 0.1, 's', 'dead time', _sets('pickup.displacement_delay')),
+    'lost_motion': Effect(1e-05, 0.0003, 'm', 'gap', _setter('piston.lost_motion')),
+    'displacement_lag': Effect(0.0005, 0.01, 's', 'time constant', _setter('pickup.displacement_lag')),
+    'displacement_delay': Effect(0.025, 0.1, 's', 'dead time', _setter('pickup.displacement_delay')),
     'set_point_drift': Effect(50.0, 2000.0, 'Pa', 'drift over the recording', set_point_drift),
     'supply_variation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', supply_variation),
     'droop': Effect(0.0006, 0.02, 's', 'fall of the set pressure per rate at which the regulator fills', droop),
 }
-"""Effects that an identifier may be expected to name."""
+"""Effects of the library, which an identification should name."""
 
 ON_FORCE = {
     'seal_friction': Effect(0.05, 5.0, 'N', 'Coulomb friction without pressure', seal_friction),
-    'stribeck_friction': Effect(0.1, 5.0, 'N', 'excess where the piston hardly moves', stribeck_friction),
-    'force_offset': Effect(0.05, 5.0, 'N', 'offset', _sets_either_way('pickup.force_offset')),
+    'stribeck_friction': Effect(0.1, 5.0, 'N', 'additional friction at low speed', stribeck_friction),
+    'force_offset': Effect(0.05, 5.0, 'N', 'offset', _setter_either_sign('pickup.force_offset')),
     'moving_mass': Effect(0.03, 0.4, 'kg', 'mass', moving_mass),
 }
-"""Effects on the force that it may be expected to name."""
+"""Effects on the force that an identification should name."""
 
 FOREIGN = {
-    'poppet_inertia': Effect(0.25, 0.75, '1', 'slowness of the valve; at 1 the loop is about to buzz', poppet_inertia),
+    'poppet_inertia': Effect(0.25, 0.75, '1', 'slowness of the valve; at 1 the loop oscillates', poppet_inertia),
     'pulsation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', pulsation),
     'set_point_jump': Effect(50.0, 2000.0, 'Pa', 'height', set_point_jump),
     'mains_hum': Effect(20.0, 500.0, 'Pa', 'amplitude', mains_hum),
-    'fast_clock': Effect(3e-05, 0.01, '1', 'gain of the clock', _sets('clock.gain')),
+    'fast_clock': Effect(3e-05, 0.01, '1', 'gain of the clock', _setter('clock.gain')),
 }
-"""Effects that it can't name, but should not pass over."""
+"""Effects outside the library, which an identification should report as unexplained."""
 
 EFFECTS = {**LIBRARY, **ON_FORCE, **FOREIGN, **STRANGE}
-"""All of them by name."""
+"""All effects of the panel by name."""
 
 
 def install(name: str, situation: Situation, strength: float | None = None) -> tuple[float, Changes]:
     """
-    Draw an effect's strength, if none is given, and return it with the changes that make it.
+    Return an effect's strength and its changes of the device; draw the strength if none is given.
 
     Raises
     ------
@@ -228,7 +230,7 @@ def install(name: str, situation: Situation, strength: float | None = None) -> t
     """
     effect = EFFECTS.get(name)
     if effect is None:
-        raise InputError(f'effect {name!r} is not known: use one of {", ".join(EFFECTS)}')
+        raise InputError(f'effect {name!r} is not known. Use one of {", ".join(EFFECTS)}.')
     drawn = situation.between(effect.weakest, effect.strongest)
     strength = drawn if strength is None else strength
     return strength, effect.install(strength, situation)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The paper's model to the letter: equations (8) and (12) of Guvenc and Srinivasan, integrated in small steps.
+Simulate the paper's model exactly: equations (8) and (12) of Guvenc and Srinivasan, in small steps.
 
-Recordings of it have nothing missing: what is found in them is a false alarm.
+Recordings of the paper's model lack no effect. An effect that is found in such a recording is a false alarm.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from cfd_pneumatic.units import PSI_PER_INCH
 
 
 class Gains(NamedTuple):
-    """A cylinder and its regulator as the paper's Table 1 gives them."""
+    """Gains of a cylinder and its regulator, as in the paper's Table 1."""
 
     k_x: float
     """Pressure lost per displacement [Pa/m]."""
@@ -33,23 +33,23 @@ class Gains(NamedTuple):
 
 
 WEAKEST = Gains(14.0 * PSI_PER_INCH, 80.0, 17.0, 6e-3)
-"""Lower ends of what is drawn: about Table 1, 5 to 15 psig."""
+"""Lower ends of the random gains: near Table 1, 5 to 15 psig."""
 
 STRONGEST = Gains(22.0 * PSI_PER_INCH, 200.0, 35.0, 13e-3)
-"""Upper ends."""
+"""Upper ends of the random gains."""
 
 LONGEST_STEP = 2e-5
 """Longest integration step [s]."""
 
 
 def draw_gains(rng: np.random.Generator) -> Gains:
-    """Return gains spread evenly on a logarithmic scale about Table 1."""
+    """Return random gains, uniform on a logarithmic scale about Table 1."""
     return Gains(*np.exp(rng.uniform(np.log(WEAKEST), np.log(STRONGEST))).tolist())
 
 
 @compiled
 def rates(outlet: float, sensed: float, setpoint: float, velocity: float, gains: Gains) -> tuple[float, float]:
-    """Return dp/dt of equation (12), its switch put right, and dp_f/dt of equation (8) [Pa/s]."""
+    """Return dp/dt of equation (12), with its switch corrected, and dp_f/dt of equation (8) [Pa/s]."""
     gain = gains.k_sv if setpoint > sensed else gains.k_v
     return gain * (setpoint - sensed) - gains.k_x * velocity, (outlet - sensed) / gains.tau
 
@@ -59,8 +59,8 @@ def integrate(displacement: Array, setpoints: Array, period: float, steps: int, 
     """
     Fill in the pressure [Pa] at each knot, from rest, by the classical Runge-Kutta method.
 
-    Displacement (n,) [m] at knots one period [s] apart and straight in between; absolute set-points (n,) [Pa] on the
-    way to each.
+    Displacement (n,) [m] at knots one period [s] apart, linear in between; absolute set-points (n,) [Pa] before each
+    knot.
     """
     outlet = sensed = setpoints[0]
     pressures[0] = outlet

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A headless Chromium, spoken to over its debugging pipe: nothing but the standard library is needed."""
+"""Control a headless Chromium over its debugging pipe, with the standard library alone."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 PROGRAM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))), '')
-"""Where it is, or ''."""
+"""Path of the browser; empty if none is installed."""
 
 _PATIENCE = 60.0  # [s]
 _FLAGS = (
@@ -34,24 +34,24 @@ _FLAGS = (
 
 
 class Chromium:
-    """One tab. As a context manager it ends the browser."""
+    """A browser with one tab; the end of the context ends the browser."""
 
     def __init__(self) -> None:
         self._home = tempfile.mkdtemp(prefix='chromium.')
-        there, self._to = os.pipe()
-        self._from, here = os.pipe()
+        browser_input, self._to = os.pipe()
+        self._from, browser_output = os.pipe()
         # the browser reads its descriptor 3 and writes 4
-        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (there, here)]
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (browser_input, browser_output)]
         self._process = subprocess.Popen(
             [PROGRAM, *_FLAGS, f'--user-data-dir={self._home}', 'about:blank'],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             env={**os.environ, 'TMPDIR': self._home},
-            close_fds=False,  # Python opens its own so that they end with it
+            close_fds=False,  # the browser inherits the two descriptors; Python's own close on exec
             preexec_fn=lambda: [os.dup2(end, number) for end, number in zip(ends, (3, 4))],
             start_new_session=True,
         )
-        for end in (there, here, *ends):
+        for end in (browser_input, browser_output, *ends):
             os.close(end)
         self._numbers = itertools.count(1)
         self._buffer = b''
@@ -90,7 +90,7 @@ class Chromium:
         limit = time.monotonic() + _PATIENCE
         while b'\0' not in self._buffer:
             ready, _, _ = select.select([self._from], [], [], max(limit - time.monotonic(), 0.0))
-            assert ready, f'Chromium says nothing for {_PATIENCE} s'
+            assert ready, f'Chromium did not answer within {_PATIENCE} s'
             chunk = os.read(self._from, 1 << 16)
             assert chunk, 'Chromium has ended'
             self._buffer += chunk
@@ -98,7 +98,7 @@ class Chromium:
         return json.loads(message)
 
     def show(self, page: Path, width: int, height: int, *, dark: bool = False) -> None:
-        """Open a page in a window of a size [CSS px] and wait until it is there."""
+        """Open a page in a window of a size [CSS px] and wait until the page is loaded."""
         mobile = width < 600
         size = {'width': width, 'height': height, 'deviceScaleFactor': 2 if mobile else 1, 'mobile': mobile}
         self.call('Emulation.setDeviceMetricsOverride', **size)
@@ -116,13 +116,13 @@ class Chromium:
         return result['result'].get('value')
 
     def heard(self, *methods: str) -> list[Mapping[str, Any]]:
-        """Return what came of these events since the page was opened."""
+        """Return the parameters of the events with these methods since the page was opened."""
         return [event['params'] for event in self.events if event.get('method') in methods]
 
     def screenshot(self) -> bytes:
-        """Return what is seen, as PNG."""
+        """Return a PNG picture of the visible part of the page."""
         return base64.b64decode(self.call('Page.captureScreenshot')['data'])
 
     def pdf(self) -> bytes:
-        """Return the page as it is printed."""
+        """Return the printed page as PDF."""
         return base64.b64decode(self.call('Page.printToPDF', preferCSSPageSize=True, printBackground=False)['data'])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write docs/licences.md: the licence of each package that is installed: `make licences`."""
+"""Write docs/licences.md with the licence of each installed package: `make licences`."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ RUNNING = 'cfd-pneumatic[jazzy,plant]'
 
 PAGE = """# Licences
 
-Of the packages that `make setup`, `make lint` and `make colcon` install, as the packages state them. `make licences`
-writes this page of what `requirements/ci.txt` locks. This package itself: Apache-2.0.
+Licences of the packages that `make setup`, `make lint` and `make colcon` install, as the packages state them. `make
+licences` writes this page from `requirements/ci.txt`. The licence of this package is Apache-2.0.
 
 ## Running
 
@@ -42,18 +42,19 @@ def main() -> None:
 
 
 def locked() -> set[str]:
-    """Return the names of the packages that are locked."""
+    """Return the names of the locked packages."""
     names = re.findall(r'^([^#=]+)==', LOCK.read_text(encoding='utf-8'), re.MULTILINE)
     return {canonicalize_name(name) for name in names}
 
 
 def closure(wanted: Requirement, found: set[str]) -> set[str]:
-    """Return the names of all that a package and its extras need; what is found already is not asked again."""
+    """Add a package and all its dependencies, with those of its extras, to the found names; return the names."""
     found.add(canonicalize_name(wanted.name))
-    for one in map(Requirement, requires(wanted.name) or ()):
-        taken = one.marker is None or any(one.marker.evaluate({'extra': extra}) for extra in ('', *wanted.extras))
-        if taken and (one.extras or canonicalize_name(one.name) not in found):
-            closure(one, found)
+    for needed in map(Requirement, requires(wanted.name) or ()):
+        marker = needed.marker
+        applies = marker is None or any(marker.evaluate({'extra': extra}) for extra in ('', *wanted.extras))
+        if applies and (needed.extras or canonicalize_name(needed.name) not in found):
+            closure(needed, found)
     return found
 
 
@@ -65,15 +66,15 @@ def by_licence(names: Iterable[str]) -> str:
 
 
 def licence(name: str) -> str:
-    """Return what a package says of its licence in a line; ROS's say it in their package.xml only."""
-    said = metadata(name)
-    for line in [*said.get_all('License-Expression', []), *said.get_all('License', [])]:
+    """Return the licence that a package states; packages of ROS state it only in their package.xml."""
+    fields = metadata(name)
+    for line in [*fields.get_all('License-Expression', []), *fields.get_all('License', [])]:
         if '\n' not in line and line != 'UNKNOWN':
             return str(line)
-    classifiers = [one.split(' :: ')[-1] for one in said.get_all('Classifier', []) if one.startswith('License ::')]
+    classifiers = [text.split(' :: ')[-1] for text in fields.get_all('Classifier', []) if text.startswith('License ::')]
     description = Path(sys.prefix, 'share', re.sub('^ros-(jazzy-)?', '', name).replace('-', '_'), 'package.xml')
     if not classifiers and description.exists():
-        classifiers = [one.text or '' for one in ElementTree.parse(description).getroot().iter('license')]
+        classifiers = [element.text or '' for element in ElementTree.parse(description).getroot().iter('license')]
     return ', '.join(classifiers) or 'not stated'
 
 

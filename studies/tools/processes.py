@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes: work side by side in some; how they start, what the system says of them, when their messages came."""
+"""Run work in processes, start programs, and measure their memory, processor time and messages."""
 
 from __future__ import annotations
 
@@ -23,30 +23,30 @@ Work = TypeVar('Work')
 Result = TypeVar('Result')
 
 STAMP = struct.Struct('<iI')
-WARMING = 0.1  # share of a process' life in which its memory is not looked at
-BLOCKS = 24  # of the run, over which memory is averaged
-STAMP_AT = 4  # behind the four bytes that say how a message is encoded
+WARMING = 0.1  # share of a process' life without a measurement of memory
+BLOCKS = 24  # parts of a run over which memory is averaged
+STAMP_AT = 4  # after the four bytes of the encapsulation header
 
 
 def side_by_side(
-    function: Callable[[Work], Result], jobs: Sequence[Work], what: str, processes: int = 2
+    function: Callable[[Work], Result], jobs: Sequence[Work], description: str, processes: int = 2
 ) -> Iterator[Result]:
-    """Yield what a function makes of each job, in processes of one thread each, and show how far it is; 0: in this."""
+    """Yield the result of each job from processes of one thread each, with progress; 0: in this process."""
     if processes == 0:
         yield from map(function, jobs)
         return
     os.environ['OMP_NUM_THREADS'] = '1'  # read by the new processes
     with ProcessPoolExecutor(processes, get_context('spawn')) as pool:
-        yield from track(pool.map(function, jobs), description=what, total=len(jobs))
+        yield from track(pool.map(function, jobs), description=description, total=len(jobs))
 
 
 def started(*arguments: str, **options: Any) -> subprocess.Popen[bytes]:
-    """Start Python in a session of its own: an interrupt reaches who has started it, and ends it then."""
+    """Start Python in a new session, so that an interrupt of the terminal does not reach the process."""
     return subprocess.Popen([sys.executable, *arguments], start_new_session=True, **options)
 
 
-def seen_of(pid: int) -> dict[str, float]:
-    """Return what the system knows of a process: memory [KiB], threads, descriptors, processor time [s]."""
+def usage_of(pid: int) -> dict[str, float]:
+    """Return the usage of a process: memory [KiB], threads, descriptors, processor time [s]."""
     proc = Path(f'/proc/{pid}')
     rolled = dict(line.split(':') for line in (proc / 'smaps_rollup').read_text().splitlines()[1:])
     memory = {key: float(rolled[field].split()[0]) for key, field in (('pss', 'Pss'), ('own', 'Private_Dirty'))}
@@ -59,27 +59,29 @@ def seen_of(pid: int) -> dict[str, float]:
     }
 
 
-class Heard:
-    """A callback that is told the stamp of a message, and when it was sent and received."""
+class StampedCallback:
+    """Callback of a raw subscription that passes on a message's stamp and times of sending and reception."""
 
-    def __init__(self, take: Callable[[int, Mapping[str, int]], None]) -> None:
-        self._take = take
-        self.__signature__ = signature(lambda message, info: None)  # by which rclpy sees that it wants both
+    def __init__(self, handle: Callable[[int, Mapping[str, int]], None]) -> None:
+        self._handle = handle
+        self.__signature__ = signature(
+            lambda message, info: None
+        )  # rclpy reads from the signature that both are wanted
 
-    def __call__(self, *given: Any) -> None:
-        message, info = given if len(given) == 2 else given[0]  # EventsExecutor gives the pair
-        seconds, rest = STAMP.unpack_from(message, STAMP_AT)
-        self._take(seconds * 10**9 + rest, info)
+    def __call__(self, *arguments: Any) -> None:
+        message, info = arguments if len(arguments) == 2 else arguments[0]  # EventsExecutor passes a pair
+        seconds, nanoseconds = STAMP.unpack_from(message, STAMP_AT)
+        self._handle(seconds * 10**9 + nanoseconds, info)
 
 
 def slope(rows: Sequence[Mapping[str, Any]], key: str) -> tuple[float, float]:
-    """Return by how much a figure grows in an hour, and half the length of its 95 % interval, beyond a warm-up."""
+    """Return the growth of a figure per hour after a warm-up, and half the length of its 95 % interval."""
     blocks = []
     for _, life in itertools.groupby(rows, lambda row: row['pid']):
-        one = list(life)
-        at, value = (np.array([row[name] for row in one]) for name in ('at', key))
+        samples = list(life)
+        at, value = (np.array([row[name] for row in samples]) for name in ('at', key))
         later = at >= at[0] + WARMING * (at[-1] - at[0])
-        parts = max(round(BLOCKS * len(one) / len(rows)), 1)
+        parts = max(round(BLOCKS * len(samples) / len(rows)), 1)
         means = [
             (np.mean(times), np.mean(values))
             for times, values in zip(np.array_split(at[later], parts), np.array_split(value[later], parts))
@@ -100,6 +102,6 @@ def slope(rows: Sequence[Mapping[str, Any]], key: str) -> tuple[float, float]:
 
 
 def span(rows: Sequence[Mapping[str, Any]], key: str) -> str:
-    """Return between which figures one lay."""
+    """Return the range of a figure as text."""
     figures = [row[key] for row in rows]
     return str(figures[0]) if len(set(figures)) == 1 else f'{min(figures)} to {max(figures)}'

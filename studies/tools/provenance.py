@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a figure comes from: the program's version and the machine."""
+"""Describe the provenance of a figure: version of the program, commit and machine."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get('CFD_PNEUMATIC_DATA') or ROOT.parent / 'shared' / 'data') / 'pneumatic_actuator'
-"""Measured runs, where they are."""
+"""Folder of the measured runs."""
 
 
 def code_version() -> str:
-    """Return a fingerprint of the package, on which the results depend."""
+    """Return a fingerprint of the package's source text."""
     texts = [path.read_bytes() for path in sorted((ROOT / 'cfd_pneumatic').rglob('*.py'))]
     return hashlib.sha256(b''.join(texts)).hexdigest()[:12]
 
 
 def commit() -> str:
-    """Return the commit that is checked out, and whether files differ from it."""
+    """Return the current commit, with a note if files of the package differ from it."""
     try:
         head = subprocess.check_output(['git', 'rev-parse', '--short', 'HEAD'], cwd=ROOT, text=True).strip()
         changed = subprocess.check_output(['git', 'status', '--porcelain', 'cfd_pneumatic'], cwd=ROOT, text=True)
@@ -33,7 +33,7 @@ def commit() -> str:
 
 
 def machine() -> str:
-    """Return what this machine is."""
+    """Describe this machine: processor, cores, memory, Python."""
     model = platform.processor() or platform.machine()
     info = Path('/proc/cpuinfo')
     if info.exists():

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What is left of results when a program is killed, or its disk fills up: `make crash`.
+Check the results of programs that are killed, or run out of disk space: `make crash`.
 
-Each scenario is run once under strace, which counts the system calls that change a name. It is run again for each of
-them and killed there, before the call; and for file sizes spread over its largest file, beyond which nothing can be
-written. After that what is at the path has to be the old or the new whole, a reader has to refuse what is neither, and
-the same command has to succeed and leave nothing aside.
+The first run of a scenario is under strace, which lists the system calls that change a name. Further runs are killed
+before each of these calls, or have a limit on the size of files. After each run the path must hold the complete old or
+the complete new results, or readers must refuse the results. A repetition of the command must succeed, and must remove
+all temporary files.
 """
 
 from __future__ import annotations
@@ -37,27 +37,27 @@ CALLS = 'rename,renameat,renameat2,unlink,unlinkat,mkdir,mkdirat,rmdir,link,link
 """System calls that change names."""
 
 Call = tuple[str, int]
-"""A system call, and how many of its kind a process made up to it."""
+"""Name of a system call, and its number among the calls of this name in a process."""
 
 INTERPRETER = [sys.executable, '-B', '-m']
-"""Python that writes no files of its own."""
+"""Python, without files of compiled code."""
 
 
 @dataclass(frozen=True)
 class Scenario:
     """
-    A program at work in a folder.
+    A run of a program in a folder.
 
     Attributes
     ----------
     name
-        In words.
+        Name for people.
     arguments
         Module and arguments of the program, run in the folder.
     prepare
-        What is in the folder before.
+        Function that fills the folder before the run.
     state
-        Says what is at the path: `old`, `new`, `none`, `refused` by readers; raises what else it is.
+        Function that returns the state of the results: `old`, `new`, `none`, or `refused` by readers.
 
     """
 
@@ -69,7 +69,7 @@ class Scenario:
 
 @dataclass
 class Outcome:
-    """What came of a scenario: how often it was ended, and what was there then, by state."""
+    """Outcome of a scenario: number of kills and of full disks, and number of results by state."""
 
     scenario: str
     kills: int = 0
@@ -84,15 +84,15 @@ def module(name: str) -> str:
 
 
 def _make_bag(folder: Path, name: str = 'bag', seed: int = 0) -> None:
-    _done(folder, module('record_rig'), 'out_and_back', '--device', 'paper', '--seed', str(seed), '--output', name)
+    _run(folder, module('record_rig'), 'out_and_back', '--device', 'paper', '--seed', str(seed), '--output', name)
 
 
-def _done(folder: Path, *arguments: str) -> None:
+def _run(folder: Path, *arguments: str) -> None:
     subprocess.run([*INTERPRETER, *arguments], cwd=folder, check=True, capture_output=True)
 
 
-def _set_of_results(folder: Path) -> str:
-    """Return whether the results in a folder are those of one run, and of which."""
+def _state_of_results(folder: Path) -> str:
+    """Return the state of the results in a folder."""
     report = folder / 'report.json'
     if not report.exists():
         return 'none'
@@ -104,21 +104,21 @@ def _set_of_results(folder: Path) -> str:
 
 
 def _is_refused(folder: Path) -> bool:
-    done = subprocess.run(
+    ended = subprocess.run(
         [*INTERPRETER, module('plan_experiment'), 'parameters.yaml', '--report', 'report.json', '--output', 'plan'],
         cwd=folder,
         capture_output=True,
         check=False,
     )
-    return done.returncode == 2 and b'identify again' in done.stderr
+    return ended.returncode == 2 and b'identify again' in ended.stderr
 
 
 def _identified_before(folder: Path) -> None:
     _make_bag(folder)
-    _done(folder, module('identify_bag'), 'bag', '--output', 'out')
+    _run(folder, module('identify_bag'), 'bag', '--output', 'out')
 
 
-def _identified_beside(folder: Path) -> None:
+def _identified_with_file_of_user(folder: Path) -> None:
     _identified_before(folder)
     (folder / 'out' / 'mine.txt').write_text('mine', encoding='utf-8')
 
@@ -129,14 +129,14 @@ def _identified_in_place(folder: Path) -> None:
 
 
 def _keep_in_place(folder: Path) -> None:
-    """Give a folder a mode that a new one would not have: it is not exchanged, as a mount point can't be."""
+    """Give a folder an unusual mode; the program then keeps the folder, as it keeps a mount point."""
     folder.chmod(0o700)
 
 
-def _with_what_is_mine(folder: Path) -> str:
+def _state_with_file_of_user(folder: Path) -> str:
     if (folder / 'out' / 'mine.txt').read_text(encoding='utf-8') != 'mine':
-        raise AssertionError('what was mine is gone')
-    return _set_of_results(folder / 'out')
+        raise AssertionError('the file of the user is lost')
+    return _state_of_results(folder / 'out')
 
 
 def _state_of_bag(path: Path) -> str:
@@ -149,7 +149,7 @@ def _state_of_bag(path: Path) -> str:
 
 
 OLD = 2000
-"""Samples of a displacement that earlier bags have less of."""
+"""Limit of the number of samples; bags of an earlier run have fewer."""
 
 
 def _table(folder: Path, rows: int = 3000) -> None:
@@ -165,7 +165,7 @@ def _table(folder: Path, rows: int = 3000) -> None:
 
 def _table_over_a_bag(folder: Path) -> None:
     _table(folder, 1000)
-    _done(folder, *_CSV_TO_BAG)
+    _run(folder, *_CSV_TO_BAG)
     _table(folder)
 
 
@@ -185,26 +185,31 @@ def _state_of_plant(folder: Path) -> str:
         return 'none'
     if not (results / 'row.json').is_file():
         return 'half'
-    return _set_of_results(results)
+    return _state_of_results(results)
 
 
 _CSV_TO_BAG = (module('csv_to_bag'), 'table.csv', '--mapping', 'table.yaml', '--output', 'made')
 _IDENTIFY = (module('identify_bag'), 'bag', '--close-loop', '--output', 'out')
 
 SCENARIOS = (
-    Scenario('identify_bag, a new folder', _IDENTIFY, _make_bag, lambda folder: _set_of_results(folder / 'out')),
+    Scenario('identify_bag, a new folder', _IDENTIFY, _make_bag, lambda folder: _state_of_results(folder / 'out')),
     Scenario(
         'identify_bag over earlier results',
         _IDENTIFY,
         _identified_before,
-        lambda folder: _set_of_results(folder / 'out'),
+        lambda folder: _state_of_results(folder / 'out'),
     ),
-    Scenario('identify_bag where something else is', _IDENTIFY, _identified_beside, _with_what_is_mine),
+    Scenario(
+        'identify_bag in a folder with a file of the user',
+        _IDENTIFY,
+        _identified_with_file_of_user,
+        _state_with_file_of_user,
+    ),
     Scenario(
         'identify_bag in a folder that cannot be exchanged',
         _IDENTIFY,
         _identified_in_place,
-        lambda folder: _set_of_results(folder / 'out'),
+        lambda folder: _state_of_results(folder / 'out'),
     ),
     Scenario(
         'identify_bag --each',
@@ -235,18 +240,18 @@ SCENARIOS = (
 
 
 def calls_of(scenario: Scenario, folder: Path) -> list[Call]:
-    """Return the system calls that change a name below a folder: and how many of its kind came before."""
+    """Return the system calls of a scenario that change a name below a folder."""
     log = folder / 'calls.log'
     _traced(scenario, folder, ['-o', str(log), '-e', f'trace={CALLS}'])
-    seen: Counter[tuple[str, str]] = Counter()
-    found: dict[Call, None] = {}
+    counts: Counter[tuple[str, str]] = Counter()
+    calls: dict[Call, None] = {}
     for line in log.read_text(encoding='utf-8').splitlines():
-        call = re.match(rf'(\d+) +({CALLS.replace(",", "|")})\((.*)', line)
-        if call:
-            seen[call[1], call[2]] += 1
-            if str(folder) in call[3] or not re.search('"/', call[3]):
-                found[call[2], seen[call[1], call[2]]] = None
-    return list(found)
+        match = re.match(rf'(\d+) +({CALLS.replace(",", "|")})\((.*)', line)
+        if match:
+            counts[match[1], match[2]] += 1
+            if str(folder) in match[3] or not re.search('"/', match[3]):
+                calls[match[2], counts[match[1], match[2]]] = None
+    return list(calls)
 
 
 def _traced(scenario: Scenario, folder: Path, options: Sequence[str]) -> None:
@@ -254,33 +259,33 @@ def _traced(scenario: Scenario, folder: Path, options: Sequence[str]) -> None:
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, cwd=folder, stdout=quiet, stderr=quiet, start_new_session=True) as running:
         running.wait()
-        with suppress(ProcessLookupError):  # workers of a program that was killed
+        with suppress(ProcessLookupError):  # workers of a killed program
             os.killpg(running.pid, signal.SIGKILL)
 
 
-def killed(scenario: Scenario, folder: Path, call: Call) -> None:
+def run_and_kill(scenario: Scenario, folder: Path, call: Call) -> None:
     """Run a program and kill it before one of its system calls that change a name."""
-    name, which = call
-    _traced(scenario, folder, ['-o', '/dev/null', '-e', f'inject={name}:signal=KILL:when={which}'])
+    name, number = call
+    _traced(scenario, folder, ['-o', '/dev/null', '-e', f'inject={name}:signal=KILL:when={number}'])
 
 
-def full(scenario: Scenario, folder: Path, size: int) -> str | None:
-    """Run a program that can write no file beyond a size [bytes]; return what is wrong with how it ended."""
+def run_on_full_disk(scenario: Scenario, folder: Path, size: int) -> str | None:
+    """Run a program with a limit on the size of files [bytes]; return its fault, if any."""
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
-    done = subprocess.run(
+    ended = subprocess.run(
         [*INTERPRETER, *scenario.arguments], cwd=folder, capture_output=True, check=False, preexec_fn=limit, text=True
     )
-    if 'Traceback' in done.stderr:
-        return f'a traceback at {size} bytes: {done.stderr.strip().splitlines()[-1]}'
+    if 'Traceback' in ended.stderr:
+        return f'a traceback at {size} bytes: {ended.stderr.strip().splitlines()[-1]}'
     return None
 
 
-def tried(scenario: Scenario, kills: Sequence[Call] | None = None, sizes: Sequence[int] = ()) -> Outcome:
-    """Return what comes of a scenario: killed at some of its calls, all by default, and with a disk that is full."""
+def try_scenario(scenario: Scenario, kills: Sequence[Call] | None = None, sizes: Sequence[int] = ()) -> Outcome:
+    """Run a scenario with kills before calls (default: all), and with full disks; return the outcome."""
     outcome = Outcome(scenario.name)
     with tempfile.TemporaryDirectory() as name:
         origin = Path(name) / 'origin'
@@ -289,14 +294,14 @@ def tried(scenario: Scenario, kills: Sequence[Call] | None = None, sizes: Sequen
         before = scenario.state(origin)
         if kills is None:
             kills = calls_of(scenario, _copy(origin))
-        for at in track(kills, description=scenario.name, disable=not sys.stderr.isatty()):
+        for call in track(kills, description=scenario.name, disable=not sys.stderr.isatty()):
             folder = _copy(origin)
-            killed(scenario, folder, at)
+            run_and_kill(scenario, folder, call)
             outcome.kills += 1
-            _judge(scenario, folder, before, outcome, f'killed at {at[0]} {at[1]}')
+            _judge(scenario, folder, before, outcome, f'killed at {call[0]} {call[1]}')
         for size in sizes:
             folder = _copy(origin)
-            fault = full(scenario, folder, size)
+            fault = run_on_full_disk(scenario, folder, size)
             outcome.full += 1
             if fault:
                 outcome.faults.append(fault)
@@ -311,59 +316,59 @@ def _copy(origin: Path) -> Path:
     return folder
 
 
-def _judge(scenario: Scenario, folder: Path, before: str, outcome: Outcome, what: str) -> None:
-    """Look at what is left, and whether the same command then succeeds and takes away what was left aside."""
+def _judge(scenario: Scenario, folder: Path, before: str, outcome: Outcome, event: str) -> None:
+    """Check the state after an event, and whether the command then succeeds and removes temporary files."""
     try:
         state = scenario.state(folder)
     except Exception as error:
         state = f'{type(error).__name__}: {error}'
     outcome.states[state] = outcome.states.get(state, 0) + 1
     if state not in (before, 'new', 'refused'):
-        outcome.faults.append(f'{what}: {state} of {before}')
+        outcome.faults.append(f'{event}: state {state}, before {before}')
     arguments = list(scenario.arguments)
     if arguments[0] in (module('csv_to_bag'), module('record_rig')) and state != 'none':
-        arguments.append('--overwrite')  # an earlier bag stays otherwise
-    done = subprocess.run([*INTERPRETER, *arguments], cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode or scenario.state(folder) != 'new':
-        outcome.faults.append(f'{what}, then again: {done.stderr.strip()[-200:]}')
-    left = sorted(path.name for path in folder.rglob('.*~*'))
-    if left:
-        outcome.faults.append(f'{what}, then again: left {", ".join(left)}')
+        arguments.append('--overwrite')  # without this the program keeps an earlier bag
+    ended = subprocess.run([*INTERPRETER, *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    if ended.returncode or scenario.state(folder) != 'new':
+        outcome.faults.append(f'{event}, then repeated: {ended.stderr.strip()[-200:]}')
+    temporary = sorted(path.name for path in folder.rglob('.*~*'))
+    if temporary:
+        outcome.faults.append(f'{event}, then repeated: temporary files remain: {", ".join(temporary)}')
 
 
 def document(outcomes: Sequence[Outcome]) -> str:
-    """Return the part of the page."""
+    """Return the table of outcomes in Markdown."""
     rows = [
         (
-            one.scenario,
-            one.kills,
-            one.full,
-            ', '.join(f'{state} {count}' for state, count in sorted(one.states.items())),
-            len(one.faults),
+            outcome.scenario,
+            outcome.kills,
+            outcome.full,
+            ', '.join(f'{state} {count}' for state, count in sorted(outcome.states.items())),
+            len(outcome.faults),
         )
-        for one in outcomes
+        for outcome in outcomes
     ]
-    return table(('program', 'killed at', 'disk full at', 'what was there then', 'faults'), rows)
+    return table(('program', 'kills', 'full disks', 'states of the results', 'faults'), rows)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try all scenarios; return 1 where something is half, mixed or left."""
+    """Try all scenarios; return 1 if there are faults."""
     parser = argparse.ArgumentParser(prog='crashes', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--sizes', type=int, default=20, help='of files at which the disk is full')
-    parser.add_argument('--only', metavar='WORDS', default='', help='scenarios whose name holds these words')
+    parser.add_argument('--sizes', type=int, default=20, help='number of file sizes at which the disk is full')
+    parser.add_argument('--only', metavar='TEXT', default='', help='only scenarios with this text in their names')
     options = parser.parse_args(arguments)
     if shutil.which('strace') is None:
-        print('crashes: strace is not to be had here: install it')
+        print('crashes: strace is not installed. Install strace, which lists the system calls.')
         return 2
     os.environ['OMP_NUM_THREADS'] = '1'
     sizes = [int(2 ** (6 + 0.9 * rank)) for rank in range(options.sizes)]
     outcomes = []
     for scenario in SCENARIOS:
         if options.only in scenario.name:
-            outcomes.append(tried(scenario, sizes=sizes))
+            outcomes.append(try_scenario(scenario, sizes=sizes))
             print('\n'.join([f'{scenario.name}: {outcomes[-1].states}', *outcomes[-1].faults]), flush=True)
     print(document(outcomes))
-    return 1 if any(one.faults for one in outcomes) else 0
+    return 1 if any(outcome.faults for outcome in outcomes) else 0
 
 
 if __name__ == '__main__':

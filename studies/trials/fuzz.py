@@ -1,11 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Inputs that are changed at random, each given to what reads it: `make fuzz`.
+Give randomly changed inputs to their readers: `make fuzz`.
 
-Each kind has a process of its own. An input is valid, or a valid one with changes; one that gets somewhere new becomes
-a parent of further ones. A fault is an unexpected exception, a warning, more than ten seconds or a gigabyte, a valid
-input that is refused, a number that is none, a file that is quoted, and a message that rosbags reads and we do not, and
-nothing is said. The inputs that led to the first fault at each place are left in `build/fuzz`.
+Each kind of input has a separate process. An input is valid, or a valid input with changes. An input that reaches new
+code becomes a parent of further inputs. These are faults:
+
+- an unexpected exception or a warning;
+- more than ten seconds or a gigabyte;
+- a refused valid input;
+- a number that is not finite;
+- a message that quotes a file;
+- a message of a bag that rosbags reads and the package omits without notice.
+
+The inputs of the first fault at each place are kept in `build/fuzz`.
 """
 
 from __future__ import annotations
@@ -34,21 +41,21 @@ _MEMORY = 2**30  # [bytes]
 
 
 def kinds() -> dict[str, Kind]:
-    """Return all kinds that can be tried here, by name."""
+    """Return all kinds that can run on this machine, by name."""
     from studies.trials.fuzzing import bags, texts
 
-    found = bags.kinds() + texts.kinds()
+    available = bags.kinds() + texts.kinds()
     try:
-        from studies.trials.fuzzing import nodes, places, strangers
+        from studies.trials.fuzzing import nodes, places, untrusted_inputs
     except ImportError as error:
-        print(f'what nodes are sent is left out: ROS 2 is not to be had here ({error})', file=sys.stderr)
+        print(f'Inputs of nodes are skipped, because ROS 2 is not installed ({error}).', file=sys.stderr)
     else:
-        found += nodes.kinds() + strangers.kinds() + places.kinds()
-    return {kind.name: kind for kind in found}
+        available += nodes.kinds() + untrusted_inputs.kinds() + places.kinds()
+    return {kind.name: kind for kind in available}
 
 
-def _tallied(name: str, count: int, seed: int) -> Tally:
-    """Run one kind, in a process that does nothing else."""
+def _tally_of(name: str, count: int, seed: int) -> Tally:
+    """Try the inputs of a kind; call in a separate process."""
     isolate()
     resource.setrlimit(resource.RLIMIT_DATA, (_MEMORY, _MEMORY))
     from studies.trials.fuzzing.campaign import run
@@ -59,14 +66,14 @@ def _tallied(name: str, count: int, seed: int) -> Tally:
 
 
 def _row(tally: Tally) -> tuple[str, ...]:
-    past = 100.0 * (1.0 - tally.early / tally.inputs)
+    parsed = 100.0 * (1.0 - tally.early / tally.inputs)
     return (
         tally.kind,
         f'{tally.inputs:,}',
         f'{tally.whole:,}',
         f'{tally.read:,}',
         f'{tally.inputs - tally.read:,}',
-        f'{past:.0f} %',
+        f'{parsed:.0f} %',
         f'{tally.parents:,}',
         f'{tally.slowest:.2f} s',
         f'{tally.peak / 1e6:.0f} MB',
@@ -76,17 +83,17 @@ def _row(tally: Tally) -> tuple[str, ...]:
 
 
 _HEADER = (
-    *('kind', 'inputs', 'of these valid', 'read', 'refused', 'past the first parser', 'kept as parents', 'longest'),
-    *('most memory', 'processor', 'faults'),
+    *('kind', 'inputs', 'valid', 'read', 'refused', 'accepted by the first parser', 'kept as parents', 'longest'),
+    *('peak memory', 'processor time', 'faults'),
 )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Try all kinds; return 1 where there are faults."""
+    """Try all kinds; return 1 if there are faults."""
     parser = argparse.ArgumentParser(prog='fuzzing', description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument('--each', type=int, default=1000, help='inputs of each kind; default 1000')
-    parser.add_argument('--seed', type=int, default=0, help='the same makes the same inputs')
-    parser.add_argument('--only', metavar='PATTERN', default='', help='kinds in whose names it is found')
+    parser.add_argument('--each', type=int, default=1000, help='number of inputs of each kind (default: 1000)')
+    parser.add_argument('--seed', type=int, default=0, help='seed of the random inputs')
+    parser.add_argument('--only', metavar='PATTERN', default='', help='only kinds with names that match the pattern')
     options = parser.parse_args(arguments)
     os.environ['OMP_NUM_THREADS'] = '1'
     KEPT.mkdir(parents=True, exist_ok=True)
@@ -96,15 +103,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             continue
         with ProcessPoolExecutor(1, get_context('spawn')) as workers:
             try:
-                tally = workers.submit(_tallied, kind.name, options.each, options.seed).result()
+                tally = workers.submit(_tally_of, kind.name, options.each, options.seed).result()
             except BrokenProcessPool:
-                print(f'{kind.name}: the process was ended', flush=True)
+                print(f'{kind.name}: the process ended unexpectedly', flush=True)
                 faults += 1
                 continue
         rows.append(_row(tally))
         print(' | '.join(rows[-1]), flush=True)
-        for where, (times, number, what) in tally.faults.items():
-            print(f'  {times} times, first input {number}: {what.strip()}\n  at {where}', flush=True)
+        for place, (times, number, description) in tally.faults.items():
+            print(f'  {times} times, first input {number}: {description.strip()}\n  at {place}', flush=True)
             faults += times
     print(table(_HEADER, rows))
     return 1 if faults else 0

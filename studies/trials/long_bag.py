@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Bags of any length, made in bulk: a device at 1 kHz with two cylinders, each with pressure and applied set-point.
+Write bags of any length: a device at 1 kHz with two cylinders, each with pressure and applied set-point.
 
-The motion, which is simulated, repeats itself after 20 s; the sensors' noise doesn't.
+The simulated motion repeats after 20 s. The noise of the sensors does not repeat.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ AMBIENT = 101_325.0
 GAINS = (4.33e6, 104.0, 19.4, 0.0105)
 EPOCH = 1_700_000_000 * NANOSECONDS
 STEP = 1_000_000  # ns
-PERIOD = 20_000  # samples after which the motion repeats itself
-TRANSPORT = 200_000  # ns from a sample to its reception; a topic comes a hundredth of it after the one before
-PART = 1_500  # samples that are written together: a chunk of an mcap, of the size that rosbag2 makes
+PERIOD = 20_000  # samples after which the motion repeats
+TRANSPORT = 200_000  # ns from a sample to its reception; each further topic is received a hundredth later
+PART = 1_500  # samples that are written together: a chunk of an mcap of the size of rosbag2
 
 _TOPICS = {
     PISTON_STATE: convention.JOINT_STATE,
@@ -80,7 +80,7 @@ def write_long_bag(
     force: bool = False,
     signals: Array | None = None,
 ) -> Path:
-    """Write a bag of so many samples of each topic, of `signals` (topics, n) over and over; return its file's path."""
+    """Write a bag with samples of each topic, repeating `signals` (topics, n); return the path of its file."""
     names = topics(force)
     forms = [Form(msgtype, joint=PISTON_JOINT) for _, msgtype in zip(names, _TOPICS.values())]
     period = _period() if signals is None else signals
@@ -103,14 +103,14 @@ def write_long_bag(
 
 
 def _compressed(path: Path) -> Path:
-    """Copy a bag to one beside it whose chunks are compressed."""
+    """Write a copy of a bag with compressed chunks; return its path."""
     copy = path.with_name(f'{path.name}_compressed')
     writer = Writer(copy, version=8, storage_plugin=StoragePlugin.MCAP)
     writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with Reader(path) as reader, writer:
         copied = {
-            one.id: writer.add_connection(one.topic, one.msgtype, typestore=standard_types())
-            for one in reader.connections
+            connection.id: writer.add_connection(connection.topic, connection.msgtype, typestore=standard_types())
+            for connection in reader.connections
         }
         for connection, time, payload in reader.messages():
             writer.write(copied[connection.id], time, payload)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What is said of recordings that were read wrongly: make mistakes.
+Test that `identify_bag` warns about input errors: `make mistakes`.
 
-Mistakes that users make, one at a time, in the mapping or in the recording itself: of a table as the tutorial makes it,
-of a bag of the rig with a measured force, and of a measured run. None may end in a confident verdict.
+The errors are those of users, one at a time, in the mapping or in the recording. The recordings are a table as in the
+tutorial, recordings of the rig, and a measured run. No input error may lead to a confident verdict.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -53,16 +54,16 @@ CLEAN = range(1000, 1500)
 @dataclass(frozen=True)
 class Table:
     """
-    Measurements as somebody has them.
+    A table of measurements with its right mapping.
 
     Attributes
     ----------
     name
-        Of the recording.
+        Name of the recording.
     columns
-        By their heads, in the units that the layout names.
+        Columns by header, in the units of the layout.
     layout
-        The mapping that is right.
+        The right mapping.
 
     """
 
@@ -70,8 +71,8 @@ class Table:
     columns: Columns
     layout: Layout
 
-    def written(self, folder: Path, change: Change) -> tuple[Path, Path]:
-        """Write the table and its mapping after a change; return where they are."""
+    def write(self, folder: Path, change: Change) -> tuple[Path, Path]:
+        """Write table and mapping after a change; return their paths."""
         columns, layout = dict(self.columns), copy.deepcopy(self.layout)
         change(columns, layout)
         table, mapping = folder / f'{self.name}.csv', folder / f'{self.name}.yaml'
@@ -81,35 +82,35 @@ class Table:
         return table, mapping
 
 
-def _held(signal: Signal, times: Array) -> Array:
+def _values_at(signal: Signal, times: Array) -> Array:
     return signal.values[np.maximum(np.searchsorted(signal.times, times, side='right') - 1, 0)]
 
 
 def _rows(recording: Recording, displacement: float, pressure: float, ambient: float) -> Columns:
-    """Return a recording's signals at the displacement's times, in units of so many metres and pascals."""
+    """Return a recording's signals at the displacement's times, in units given in metres and pascals."""
     times = recording.displacement.times
     columns = {'x': recording.displacement.values / displacement}
-    for name, own in zip('AB', recording.cylinders.values()):
-        assert own.setpoint is not None
-        columns[f'p{name}'] = (np.interp(times, own.pressure.times, own.pressure.values) - ambient) / pressure
-        columns[f'set{name}'] = (_held(own.setpoint, times) - AMBIENT_PRESSURE) / pressure
+    for name, cylinder in zip('AB', recording.cylinders.values()):
+        assert cylinder.setpoint is not None
+        columns[f'p{name}'] = (np.interp(times, cylinder.pressure.times, cylinder.pressure.values) - ambient) / pressure
+        columns[f'set{name}'] = (_values_at(cylinder.setpoint, times) - AMBIENT_PRESSURE) / pressure
     if recording.force is not None:
         columns['F'] = np.interp(times, recording.force.times, recording.force.values)
     return columns
 
 
 def _pressures(unit: str, reference: str) -> Layout:
-    def of(name: str) -> Layout:
+    def signals_of(name: str) -> Layout:
         return {
             'pressure': {'column': f'p{name}', 'unit': unit, 'reference': reference},
             'setpoint': {'column': f'set{name}', 'unit': unit, 'reference': 'gauge'},
         }
 
-    return {'cylinder_a': of('A'), 'cylinder_b': of('B')}
+    return {'cylinder_a': signals_of('A'), 'cylinder_b': signals_of('B')}
 
 
 def _layout(time: str, displacement: str, **signals: Layout) -> Layout:
-    """Return the mapping of a table of signals, by the units of time and displacement."""
+    """Return the mapping of a table with signals, given the units of time and displacement."""
     return {
         'table': {'time': {'column': 't', 'unit': time}, 'delimiter': 'comma', 'header_rows': 1},
         'displacement': {'column': 'x', 'unit': displacement},
@@ -122,7 +123,7 @@ def _played(schedule: Schedule, seed: int, faults: str = '', device: str = 'pape
 
 
 def tutorial() -> Table:
-    """Return the tutorial's press: milliseconds, millimetres, psi above ambient; a dead band."""
+    """Return the tutorial's press with a dead band, in ms, mm and gauge psi."""
     recording = _played(surface_following(duration=20.0, seed=0), 0, 'effects_a.dead_band=300')
     columns = {'t': 1e3 * recording.displacement.times, **_rows(recording, 1e-3, PSI, AMBIENT_PRESSURE)}
     del columns['F']
@@ -130,7 +131,7 @@ def tutorial() -> Table:
 
 
 def rig() -> Table:
-    """Return a rig with a load cell: seconds, inches, absolute kPa; a leak."""
+    """Return a rig with a load cell and a leak, in s, inches and absolute kPa."""
     recording = _played(surface_following(duration=20.0, seed=1), 1, 'effects_a.leak_conductance=1e-10')
     columns = {'t': recording.displacement.times, **_rows(recording, 0.0254, 1e3, 0.0)}
     force = {'column': 'F', 'unit': 'N'}
@@ -138,7 +139,7 @@ def rig() -> Table:
 
 
 def real() -> Table:
-    """Return a healthy device of full physics: seconds, millimetres, bar above ambient."""
+    """Return a healthy device with full physics, in s, mm and gauge bar."""
     recording = _played(surface_following(duration=40.0, seed=3), 3, device='real')
     columns = {'t': recording.displacement.times, **_rows(recording, 1e-3, 1e5, AMBIENT_PRESSURE)}
     del columns['F']
@@ -146,7 +147,7 @@ def real() -> Table:
 
 
 def measured() -> Table:
-    """Return a measured run of one cylinder, whose set-point was not recorded."""
+    """Return a measured run of a cylinder, without a recorded set-point."""
     rows = np.loadtxt(MEASURED, skiprows=15)
     columns = {'t': rows[:, 0], 'x': rows[:, 4], 'pA': rows[:, 5], 'F': rows[:, 6]}
     pressure = {'column': 'pA', 'unit': 'bar', 'reference': 'gauge'}
@@ -155,14 +156,14 @@ def measured() -> Table:
     return Table('measured', columns, layout)
 
 
-TABLES: dict[str, Callable[[], Table]] = {one.__name__: cache(one) for one in (tutorial, rig, real, measured)}
+TABLES: dict[str, Callable[[], Table]] = {make.__name__: cache(make) for make in (tutorial, rig, real, measured)}
 
 PRESSURES = ('cylinder_a.pressure', 'cylinder_b.pressure')
 SETPOINTS = ('cylinder_a.setpoint', 'cylinder_b.setpoint')
 
 
 def entries(**values: object) -> Change:
-    """Return a change of entries of the layout; their names have two underscores where the file has a level."""
+    """Return a change of entries of the layout; two underscores separate levels in a name."""
 
     def change(_columns: Columns, layout: Layout) -> None:
         for name, value in values.items():
@@ -176,12 +177,12 @@ def entries(**values: object) -> Change:
 
 
 def every(key: str, value: object, *paths: str) -> Change:
-    """Return a change of the same key in several parts of the layout."""
+    """Return a change of a key in several parts of the layout."""
     return entries(**{f'{path}.{key}'.replace('.', '__'): value for path in paths})
 
 
 def without(*paths: str) -> Change:
-    """Return a change that leaves parts of the layout out."""
+    """Return a change that removes parts of the layout."""
 
     def change(_columns: Columns, layout: Layout) -> None:
         for path in paths:
@@ -195,7 +196,7 @@ def without(*paths: str) -> Change:
 
 
 def rows(choose: Callable[[Columns], Array | slice]) -> Change:
-    """Return a change that keeps some rows, in an order."""
+    """Return a change that selects rows and their order."""
 
     def change(columns: Columns, _layout: Layout) -> None:
         kept = choose(columns)
@@ -204,87 +205,87 @@ def rows(choose: Callable[[Columns], Array | slice]) -> Change:
     return change
 
 
-def other_device(columns: Columns, _layout: Layout) -> None:
-    """Let another piston, with a third more volume, go on after two thirds."""
+def changed_device(columns: Columns, _layout: Layout) -> None:
+    """Reduce the changes of pressure by 30 % after two thirds, as with a larger chamber."""
     late = columns['t'] > columns['t'][-1] * 2 / 3
     middle = np.median(columns['pA'])
     columns['pA'] = np.where(late, middle + 0.7 * (columns['pA'] - middle), columns['pA'])
 
 
 def loose_plug(columns: Columns, _layout: Layout) -> None:
-    """Let a pressure be zero at five samples."""
+    """Set a pressure to zero at five samples."""
     columns['pA'] = columns['pA'].copy()
     columns['pA'][[300, 1500, 4000, 7000, 9000]] = 0.0
 
 
 def out_of_range(columns: Columns, _layout: Layout) -> None:
-    """Let a sensor go no higher than a pressure mostly is."""
+    """Limit a pressure to its median."""
     columns['pA'] = np.minimum(columns['pA'], np.median(columns['pA']))
 
 
 def stuck(columns: Columns, _layout: Layout) -> None:
-    """Let a pressure hang for a third of the time."""
+    """Hold a pressure constant for a third of the time."""
     columns['pA'] = columns['pA'].copy()
     columns['pA'][3000:6000] = columns['pA'][3000]
 
 
-def counted_from_nothing(columns: Columns, _layout: Layout) -> None:
-    """Write all pressures and set-points as absolute ones, in bar."""
+def absolute_bar(columns: Columns, _layout: Layout) -> None:
+    """Write all pressures and set-points as absolute pressures in bar."""
     columns.update({name: columns[name] + 1e-5 * AMBIENT_PRESSURE for name in ('pA', 'pB', 'setA', 'setB')})
 
 
 def inches_and_psi(columns: Columns, layout: Layout) -> None:
-    """Write mm and psi as inch and absolute psi, and read them as mm and kPa."""
+    """Write displacement in inches and pressures in absolute psi; the layout has mm and kPa."""
     columns['x'] = columns['x'] / (1e3 * INCH)
     psi_as_kpa(columns, layout)
 
 
 def absolute_psi_as_kpa(columns: Columns, layout: Layout) -> None:
-    """Write all pressures in absolute psi, and read them as kPa above ambient."""
-    counted_from_nothing(columns, layout)
+    """Write all pressures in absolute psi instead of gauge bar; the layout has gauge kPa."""
+    absolute_bar(columns, layout)
     columns.update({name: 1e5 / PSI * columns[name] for name in ('pA', 'pB', 'setA', 'setB')})
     every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
 
 
 def psi_as_kpa(columns: Columns, layout: Layout) -> None:
-    """Write all pressures in absolute psi instead of psi above ambient, and read them as kPa above ambient."""
+    """Write all pressures in absolute psi instead of gauge psi; the layout has gauge kPa."""
     columns.update({name: columns[name] + AMBIENT_PRESSURE / PSI for name in ('pA', 'pB', 'setA', 'setB')})
     every('unit', 'kPa', *PRESSURES, *SETPOINTS)(columns, layout)
 
 
 def kpa_as_psi(columns: Columns, layout: Layout) -> None:
-    """Write all pressures in kPa above ambient, and read them as psi."""
+    """Write all pressures in gauge kPa; the layout has psi."""
     columns.update({name: 1e2 * columns[name] for name in ('pA', 'pB', 'setA', 'setB')})
     every('unit', 'psi', *PRESSURES, *SETPOINTS)(columns, layout)
 
 
 def columns_of(**names: str) -> Change:
-    """Return a change of which column a signal is in."""
+    """Return a change of the columns of signals."""
     return entries(**{f'{path}__column': name for path, name in names.items()})
 
 
 @dataclass(frozen=True)
 class Mistake:
     """
-    A mistake.
+    An input error of a user.
 
     Attributes
     ----------
-    on, what
-        Of which table, and in words.
+    table, description
+        Name of the table, and description for people.
     change
-        What it does to table and layout.
+        Change of table and layout.
     codes
-        One of which has to be said, or of which the error has to be.
+        Right codes: the warnings, or the error message, must have at least one.
     arguments
-        Further ones of the program.
+        Further arguments of the program.
     twice
-        Whether the same recording is given twice.
+        Whether the program gets the recording twice.
 
     """
 
-    on: str
-    what: str
+    table: str
+    description: str
     change: Change
     codes: tuple[str, ...]
     arguments: tuple[str, ...] = ()
@@ -294,42 +295,42 @@ class Mistake:
 UNIT, REFERENCE, SETPOINT = ('unit_suspect',), ('reference_suspect',), ('setpoint_suspect',)
 SAMPLES = ('samples_suspect',)
 LEFT_OUT = 'left out'
-"""Stands for a code if the wrong samples are left out, and a note of the recording reports it."""
+"""Pseudo-code of a note in the report: the wrong samples were left out."""
 
 SIGN, SWAPPED, ERROR = ('sign_suspect', 'cylinders_swapped'), ('cylinders_swapped', 'setpoint_suspect'), ('error',)
 
 
-def _of_both() -> Iterator[Mistake]:
-    """Yield mistakes with two cylinders, of the tutorial's table and of the rig's."""
-    for on in ('tutorial', 'rig'):
-        yield Mistake(on, 'mm or inch read as m', entries(displacement__unit='m'), UNIT)
-        yield Mistake(on, 'everything in bar', every('unit', 'bar', *PRESSURES, *SETPOINTS), UNIT)
-        yield Mistake(on, 'everything in Pa', every('unit', 'Pa', *PRESSURES, *SETPOINTS), (*UNIT, *REFERENCE))
-        yield Mistake(on, 'one pressure in bar', entries(cylinder_a__pressure__unit='bar'), UNIT)
-        yield Mistake(on, 'set-points absolute', every('reference', 'absolute', *SETPOINTS), REFERENCE)
+def _of_both_tables() -> Iterator[Mistake]:
+    """Yield input errors with two cylinders, of the tutorial's table and the rig's."""
+    for name in ('tutorial', 'rig'):
+        yield Mistake(name, 'mm or inch read as m', entries(displacement__unit='m'), UNIT)
+        yield Mistake(name, 'everything in bar', every('unit', 'bar', *PRESSURES, *SETPOINTS), UNIT)
+        yield Mistake(name, 'everything in Pa', every('unit', 'Pa', *PRESSURES, *SETPOINTS), (*UNIT, *REFERENCE))
+        yield Mistake(name, 'one pressure in bar', entries(cylinder_a__pressure__unit='bar'), UNIT)
+        yield Mistake(name, 'set-points absolute', every('reference', 'absolute', *SETPOINTS), REFERENCE)
         swapped = columns_of(cylinder_a__pressure='setA', cylinder_a__setpoint='pA')
-        yield Mistake(on, 'pressure and set-point swapped', swapped, SETPOINT)
-        yield Mistake(on, "the other's set-point", columns_of(cylinder_a__setpoint='setB'), SETPOINT)
+        yield Mistake(name, 'pressure and set-point swapped', swapped, SETPOINT)
+        yield Mistake(name, "the other's set-point", columns_of(cylinder_a__setpoint='setB'), SETPOINT)
         crossed = columns_of(cylinder_a__setpoint='setB', cylinder_b__setpoint='setA')
-        yield Mistake(on, 'set-points swapped', crossed, SWAPPED)
+        yield Mistake(name, 'set-points swapped', crossed, SWAPPED)
         crossed = columns_of(cylinder_a__pressure='pB', cylinder_b__pressure='pA')
-        yield Mistake(on, 'pressures swapped', crossed, SWAPPED)
+        yield Mistake(name, 'pressures swapped', crossed, SWAPPED)
         both = {'cylinder_a__pressure': 'pB', 'cylinder_b__pressure': 'pA'}
         both |= {'cylinder_a__setpoint': 'setB', 'cylinder_b__setpoint': 'setA'}
-        yield Mistake(on, 'cylinders swapped', columns_of(**both), SIGN)
-        yield Mistake(on, 'displacement the other way', entries(displacement__sign=-1), SIGN)
-        yield Mistake(on, 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
-        yield Mistake(on, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
-        yield Mistake(on, 'the same twice', entries(), ('duplicate_recording',), twice=True)
-        yield Mistake(on, 'another device from two thirds on', other_device, ('changed_during_recording',))
-        yield Mistake(on, 'a loose plug', loose_plug, (*SAMPLES, LEFT_OUT))
-        yield Mistake(on, 'a sensor at its limit', out_of_range, SAMPLES)
-        yield Mistake(on, 'a logger that hangs', stuck, SAMPLES)
-        yield Mistake(on, 'every fortieth row', rows(lambda _: slice(None, None, 40)), ('sampling_slow',))
+        yield Mistake(name, 'cylinders swapped', columns_of(**both), SIGN)
+        yield Mistake(name, 'displacement the other way', entries(displacement__sign=-1), SIGN)
+        yield Mistake(name, 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
+        yield Mistake(name, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
+        yield Mistake(name, 'the same twice', entries(), ('duplicate_recording',), twice=True)
+        yield Mistake(name, 'another device from two thirds on', changed_device, ('changed_during_recording',))
+        yield Mistake(name, 'a loose plug', loose_plug, (*SAMPLES, LEFT_OUT))
+        yield Mistake(name, 'a sensor at its limit', out_of_range, SAMPLES)
+        yield Mistake(name, 'a logger that hangs', stuck, SAMPLES)
+        yield Mistake(name, 'every fortieth row', rows(lambda _: slice(None, None, 40)), ('sampling_slow',))
 
 
-def _of_one() -> Iterator[Mistake]:
-    """Yield mistakes that one of the tables allows."""
+def _of_single_tables() -> Iterator[Mistake]:
+    """Yield input errors that are possible with a single table."""
     yield Mistake('tutorial', 'inches read as mm, absolute psi as kPa', inches_and_psi, UNIT)
     yield Mistake('tutorial', 'absolute psi read as kPa', psi_as_kpa, UNIT)
     yield Mistake('tutorial', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
@@ -344,7 +345,7 @@ def _of_one() -> Iterator[Mistake]:
     yield Mistake('tutorial', 'everything absolute', everything, REFERENCE)
     yield Mistake('tutorial', 'one pressure absolute', entries(cylinder_a__pressure__reference='absolute'), REFERENCE)
     yield Mistake('tutorial', 'pressures absolute', every('reference', 'absolute', *PRESSURES), REFERENCE)
-    yield Mistake('real', 'everything absolute, read as gauge', counted_from_nothing, REFERENCE)
+    yield Mistake('real', 'everything absolute, read as gauge', absolute_bar, REFERENCE)
     yield Mistake('real', 'absolute psi read as kPa', absolute_psi_as_kpa, UNIT)
     yield Mistake('real', 'kPa read as psi', kpa_as_psi, UNIT)
     yield Mistake('real', 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
@@ -365,7 +366,7 @@ def _of_one() -> Iterator[Mistake]:
 
 
 def _of_measured() -> Iterator[Mistake]:
-    """Yield mistakes with a measured run."""
+    """Yield input errors of the measured run."""
     pressure = PRESSURES[0]
     yield Mistake('measured', 'mm read as m', entries(displacement__unit='m'), UNIT)
     yield Mistake('measured', 'mm read as inch', entries(displacement__unit='inch'), UNIT)
@@ -381,10 +382,10 @@ def _of_measured() -> Iterator[Mistake]:
     yield Mistake('measured', 'the same twice', entries(), ('duplicate_recording',), twice=True)
 
 
-MISTAKES = (*_of_both(), *_of_one(), *_of_measured())
+MISTAKES = (*_of_both_tables(), *_of_single_tables(), *_of_measured())
 
 
-WORDS = {
+ERROR_TEXTS = {
     'unit_suspect': 'unit',
     'reference_suspect': 'reference',
     'setpoint_suspect': 'set-point',
@@ -395,22 +396,22 @@ WORDS = {
     'setpoint_assumed': 'was not recorded, and it steps',
     'error': 'time runs backwards',
 }
-"""What an error says instead of a code."""
+"""Text of an error message for each code."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """
-    What is said of a mistake.
+    Answer of the program to an input error.
 
     Attributes
     ----------
     codes
-        Of the warnings; `error` where nothing is identified.
+        Codes of the warnings; `error` if the identification failed.
     text
-        The warning that belongs to the mistake, or else the first; or the error.
+        The first right warning, else the first warning, or the error message.
     confident
-        Channels whose verdict is none that may be wrong.
+        Channels with a confident verdict.
 
     """
 
@@ -420,40 +421,44 @@ class Answer:
 
 
 def answer(mistake: Mistake) -> Answer:
-    """Return what the program says of a mistake."""
+    """Return the answer of the program to an input error."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        table, mapping = TABLES[mistake.on]().written(folder, mistake.change)
-        given = [str(table)] * (2 if mistake.twice else 1)
-        arguments = [*given, '--mapping', str(mapping), '--close-loop', '--output', str(folder / 'out')]
+        table, mapping = TABLES[mistake.table]().write(folder, mistake.change)
+        bags = [str(table)] * (2 if mistake.twice else 1)
+        arguments = [*bags, '--mapping', str(mapping), '--close-loop', '--output', str(folder / 'out')]
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as errors:
-            done = identify_bag([*arguments, *mistake.arguments])
-        if done:
+            exit_code = identify_bag([*arguments, *mistake.arguments])
+        if exit_code:
             return Answer(('error',), errors.getvalue().strip().replace(f'{folder}/', ''), ())
         report = json.loads((folder / 'out' / 'report.json').read_text(encoding='utf-8'))
     channels = {**report['cylinders'], **({'force': report['force']} if 'force' in report else {})}
-    confident = [one for one, own in channels.items() if own['verdict'] in SURE and own['status'] == 'confirmed']
-    warnings = [one for one in report['warnings'] if one['level'] == WARNING]
-    first = next((one for one in warnings if one['code'] in mistake.codes), warnings[0] if warnings else None)
+    confident = [
+        name for name, channel in channels.items() if channel['verdict'] in SURE and channel['status'] == 'confirmed'
+    ]
+    warnings = [warning for warning in report['warnings'] if warning['level'] == WARNING]
+    first = next(
+        (warning for warning in warnings if warning['code'] in mistake.codes), warnings[0] if warnings else None
+    )
     text = f'{first["message"]}: {first["fix"]}' if first else ''
-    codes = [one['code'] for one in warnings]
-    notes = [note for one in report['recordings'] for note in one['notes'] if LEFT_OUT in note]
+    codes = [warning['code'] for warning in warnings]
+    notes = [note for recording in report['recordings'] for note in recording['notes'] if LEFT_OUT in note]
     if notes and LEFT_OUT in mistake.codes:
         codes, text = [*codes, LEFT_OUT], text or notes[0]
     return Answer(tuple(dict.fromkeys(codes)), text, tuple(confident))
 
 
-def is_told(mistake: Mistake, said: Answer) -> bool:
-    """Return whether a mistake is noticed, and nothing is claimed; without the wrong samples a verdict may be sure."""
-    if 'error' in said.codes:
-        return any(WORDS[code] in said.text for code in mistake.codes)
-    if LEFT_OUT in said.codes:
+def is_reported(mistake: Mistake, answer: Answer) -> bool:
+    """Return whether a right code is reported without a confident verdict, or wrong samples are left out."""
+    if 'error' in answer.codes:
+        return any(ERROR_TEXTS[code] in answer.text for code in mistake.codes)
+    if LEFT_OUT in answer.codes:
         return True
-    return not said.confident and bool({*said.codes} & {*mistake.codes})
+    return not answer.confident and bool({*answer.codes} & {*mistake.codes})
 
 
 def warnings_of_clean(seed: int) -> list[str]:
-    """Return the warnings that a recording of the rig raises which is read as it should be."""
+    """Return the warnings about a recording of the rig without an input error."""
     rng = np.random.default_rng(seed)
     kind: Callable[..., Schedule] = (surface_following, out_and_back, paper_step)[rng.integers(3)]
     device = ('paper', 'real')[rng.integers(2)]
@@ -461,39 +466,43 @@ def warnings_of_clean(seed: int) -> list[str]:
     length = {'duration': 20.0, 'seed': seed} if kind is surface_following else {}
     schedule = kind(**levels, amplitude=float(rng.uniform(0.4e-3, 1.2e-3)), **length)
     recording = recording_of(record(schedule, device_named(device, ''), seed=seed))
-    found = identify([recording], Options(close_loop=True))
-    return [f'seed {seed}, {device}, {schedule.name}: {one}' for one in found.notices if one.level == WARNING]
+    identification = identify([recording], Options(close_loop=True))
+    return [
+        f'seed {seed}, {device}, {schedule.name}: {notice}'
+        for notice in identification.notices
+        if notice.level == WARNING
+    ]
 
 
 def warnings_of_all_clean() -> list[str]:
-    """Return the warnings that the clean recordings raise."""
-    return [one for some in side_by_side(warnings_of_clean, CLEAN, 'clean recordings') for one in some]
+    """Return the warnings about all clean recordings."""
+    return list(chain.from_iterable(side_by_side(warnings_of_clean, CLEAN, 'clean recordings')))
 
 
 def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], notes: str) -> str:
-    """Return the table of mistakes with what is said of each, and what clean recordings raise."""
-    told = sum(is_told(mistake, said) for mistake, said in answers)
-    lines = [(one.on, one.what, ', '.join(said.codes), said.text) for one, said in answers]
-    counts = Counter(code for _, said in answers for code in said.codes)
+    """Return the document: the answer to each input error, and the warnings about clean recordings."""
+    reported = sum(is_reported(mistake, answer) for mistake, answer in answers)
+    lines = [(mistake.table, mistake.description, ', '.join(answer.codes), answer.text) for mistake, answer in answers]
+    counts = Counter(code for _, answer in answers for code in answer.codes)
     return '\n'.join(
         [
-            '# Mistakes',
+            '# Input errors',
             '',
-            'What `identify_bag` says of data that were read wrongly. Written by `make mistakes`; what stands under '
+            'Answers of `identify_bag` to input errors. Written by `make mistakes`; the section '
             '"Notes" at the end is kept.',
             '',
-            '- `tutorial`: the table of the tutorial, psi above ambient, a dead band. `rig`: absolute kPa, inches, a '
-            'load cell, a leak. `real`: a healthy device of full physics, bar above ambient. `measured`: a measured '
-            f'run of one cylinder, `{MEASURED.stem}`.',
-            f'- {len(answers)} mistakes. Of {told} it is said what leads to the mend, and no verdict is confident.',
-            f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: nothing is '
-            'identified, exit code 2.',
-            f'- Of {len(CLEAN)} clean recordings of the rig (seeds {CLEAN[0]} to {CLEAN[-1]}; the devices `paper` and '
-            f'`real`, three schedules, levels and strokes drawn) {len(clean)} warnings are raised.',
-            *(f'  - {one}' for one in clean),
+            '- `tutorial`: the table of the tutorial, gauge psi, a dead band. `rig`: absolute kPa, inches, a '
+            'load cell, a leak. `real`: a healthy device with full physics, gauge bar. `measured`: a measured '
+            f'run of a cylinder, `{MEASURED.stem}`.',
+            f'- {len(answers)} input errors. {reported} are reported with a right code, without a confident verdict.',
+            f'- Codes: {", ".join(f"`{code}` {count}" for code, count in counts.most_common())}. `error`: the '
+            'program ends with exit code 2.',
+            f'- {len(clean)} warnings about {len(CLEAN)} clean recordings of the rig (seeds {CLEAN[0]} to {CLEAN[-1]}; '
+            'devices `paper` and `real`, three schedules, random levels and strokes).',
+            *(f'  - {warning}' for warning in clean),
             f'- Machine: {machine()}',
             '',
-            table(('of', 'mistake', 'code', 'what is said first'), lines),
+            table(('table', 'input error', 'codes', 'first message'), lines),
             '',
             notes,
         ]
@@ -501,17 +510,18 @@ def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], no
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Make each mistake, write the document; return 1 where one is not noticed."""
+    """Try each input error and write the document; return 1 if an input error is not reported."""
     parser = argparse.ArgumentParser(prog='mistakes', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'mistakes.md', help='document')
+    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'mistakes.md', help='document to write')
     options = parser.parse_args(arguments)
     answers = []
     for mistake in MISTAKES:
         answers.append((mistake, answer(mistake)))
-        print(f'{"told  " if is_told(*answers[-1]) else "MISSED"}  {mistake.on}: {mistake.what}: {answers[-1][1].text}')
+        result = 'reported' if is_reported(*answers[-1]) else 'MISSED  '
+        print(f'{result}  {mistake.table}: {mistake.description}: {answers[-1][1].text}')
     clean = warnings_of_all_clean()
     write_text(options.output, document(answers, clean, notes_in(options.output)))
-    return 0 if all(is_told(*one) for one in answers) and not clean else 1
+    return 0 if all(is_reported(*pair) for pair in answers) and not clean else 1
 
 
 if __name__ == '__main__':

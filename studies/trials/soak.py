@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-All nodes for hours at 1 kHz, and what becomes of their memory, threads, descriptors and latency: `make soak`.
+Run all nodes for hours at 1 kHz and measure memory, threads, descriptors and latency: `make soak`.
 
-A rig plays the device. Meanwhile set-points and commands come from a program that is killed every minute, the rig is
-ended every quarter of an hour, the clock jumps, parameters change, the rig gets a leak and loses it, a bag is
-identified and its result set on the simulator and taken back. What was seen stands in `samples.jsonl`, of which the
-tables are made.
+A rig is the device. A program that is killed every minute sends set-points and commands. The rig is ended every 15
+minutes. The clock jumps, parameters change, and the rig gets and loses a leak. A bag is identified; its result is set
+on the simulator and reverted. The measurements are in `samples.jsonl`, from which the tables are computed.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ from cfd_pneumatic.convention import (
 )
 from cfd_pneumatic.nodes import LOST, OUTPUT_QOS, SAMPLE_QOS, stamp_message
 from studies.documents.markdown import table
-from studies.tools.processes import WARMING, Heard, seen_of, slope, span, started
+from studies.tools.processes import WARMING, StampedCallback, slope, span, started, usage_of
 from studies.tools.provenance import ROOT
 from studies.tools.ros_environment import isolate
 
@@ -68,32 +67,36 @@ RECORDED = (f'{DEVICE}/{PISTON_STATE}', f'{DEVICE}/{pressure_topic(CYLINDERS[0])
 LEAK = 'effects_a.leak_conductance=1e-10'
 PATIENCE = 120.0  # [s]
 ENDING = 10.0  # [s]
-REMEMBERED = 20_000  # samples that may be answered
+KEPT_SAMPLES = 20_000  # that may still be answered
 
 
 class Program:
-    """A node that runs, and is started again where it was ended."""
+    """A running node that can be restarted."""
 
-    def __init__(self, name: str, namespace: str, log: IO[bytes], parameters: Mapping[str, Any], *more: str) -> None:
+    def __init__(
+        self, name: str, namespace: str, log: IO[bytes], parameters: Mapping[str, Any], *arguments: str
+    ) -> None:
         self.name = name
-        given = itertools.chain.from_iterable(('-p', f'{key}:={value}') for key, value in parameters.items())
+        options = itertools.chain.from_iterable(('-p', f'{key}:={value}') for key, value in parameters.items())
         module = ('-m', f'cfd_pneumatic.nodes.{name}')
-        self._start = partial(started, *module, '--ros-args', '-r', f'__ns:={namespace}', *given, *more, stderr=log)
+        self._start = partial(
+            started, *module, '--ros-args', '-r', f'__ns:={namespace}', *options, *arguments, stderr=log
+        )
         self.process = self._start()
 
     def end(self, number: int = signal.SIGTERM) -> int:
-        """End it with a signal; return its exit code."""
+        """End the node with a signal; return its exit code."""
         self.process.send_signal(number)
         return self.process.wait(ENDING)
 
-    def again(self, number: int) -> None:
-        """End it with a signal, and start it again."""
+    def restart(self, number: int) -> None:
+        """End the node with a signal, and start a new process."""
         self.end(number)
         self.process = self._start()
 
 
 class Cell(Node):
-    """Hears the device and the answers to its samples, and does what a cell does."""
+    """Node that receives samples and answers, and acts as the cell: clock, parameters, services."""
 
     def __init__(self) -> None:
         super().__init__('cell', namespace=CELL)
@@ -108,18 +111,18 @@ class Cell(Node):
         self.offset = 0
         self._callers: dict[str, Client] = {}
         self._time_out = self.create_publisher(Clock, '/clock', 10)
-        self._hear(JointState, f'{DEVICE}/{PISTON_STATE}', self._on_sample)
+        self._subscribe(JointState, f'{DEVICE}/{PISTON_STATE}', self._on_sample)
         for name, topic in ANSWERS.items():
-            self._hear(WrenchStamped, topic, partial(self._on_answer, name))
+            self._subscribe(WrenchStamped, topic, partial(self._on_answer, name))
         self.create_subscription(DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, OUTPUT_QOS)
 
-    def _hear(self, message_type: type, topic: str, take: Callable[[int, Mapping[str, int]], None]) -> None:
-        self.create_subscription(message_type, topic, Heard(take), SAMPLE_QOS, raw=True)
+    def _subscribe(self, message_type: type, topic: str, handle: Callable[[int, Mapping[str, int]], None]) -> None:
+        self.create_subscription(message_type, topic, StampedCallback(handle), SAMPLE_QOS, raw=True)
 
     def _on_sample(self, stamp: int, info: Mapping[str, int]) -> None:
         self.samples += 1
         self._sent[stamp] = info['source_timestamp']
-        if len(self._sent) > REMEMBERED:
+        if len(self._sent) > KEPT_SAMPLES:
             del self._sent[next(iter(self._sent))]
 
     def _on_answer(self, name: str, stamp: int, info: Mapping[str, int]) -> None:
@@ -136,13 +139,13 @@ class Cell(Node):
                 if value.key == LOST:
                     self.lost[status.name] = int(value.value)
 
-    def tell_time(self) -> None:
+    def publish_time(self) -> None:
         message = Clock()
         message.clock = stamp_message(time.time_ns() + self.offset)
         self._time_out.publish(message)
 
     def call(self, service: type, name: str, request: Any) -> None:
-        """Ask, if there is somebody to ask; what is answered does not matter."""
+        """Call a service if its server exists, without waiting for the answer."""
         if name not in self._callers:
             self._callers[name] = self.create_client(service, name)
         if self._callers[name].service_is_ready():
@@ -151,8 +154,8 @@ class Cell(Node):
     def trigger(self, name: str) -> None:
         self.call(Trigger, name, Trigger.Request())
 
-    def set(self, node: str, **values: Any) -> None:
-        """Set parameters; a name's dot is written as two underscores."""
+    def set_on(self, node: str, **values: Any) -> None:
+        """Set parameters of a node; two underscores in a name mean a dot."""
         parameters = [
             Parameter(name.replace('__', '.'), value=value).to_parameter_msg() for name, value in values.items()
         ]
@@ -165,15 +168,17 @@ class Cell(Node):
         limit = time.monotonic() + PATIENCE
         while not condition():
             if time.monotonic() > limit:
-                raise RuntimeError('the nodes do not meet; is the machine busy?')
-            self.tell_time()
+                raise RuntimeError(
+                    'the nodes did not find each other in time. The machine may be busy. Run the soak again'
+                )
+            self.publish_time()
             self.spin(0.1)
 
 
-def hand() -> None:
-    """Set set-points and command the piston until killed; send one sample of the piston with a clock of its own."""
+def operator() -> None:
+    """Send set-points and piston commands until killed, and once a sample of the piston with a wrong clock."""
     rclpy.init()
-    node = Node('hand', namespace=DEVICE)
+    node = Node('operator', namespace=DEVICE)
     draw = random.Random()
     setpoints = [node.create_publisher(Float64, setpoint_topic(name), OUTPUT_QOS) for name in CYLINDERS]
     command = node.create_publisher(Float64, PISTON_COMMAND, OUTPUT_QOS)
@@ -185,13 +190,13 @@ def hand() -> None:
                 out.publish(Float64(data=draw.uniform(6e4, 9e4)))
         command.publish(Float64(data=draw.uniform(-2e-3, 2e-3)))
         if step == 200:
-            stranger = JointState(name=['piston'], position=[0.0])
-            stranger.header.stamp = stamp_message(time.time_ns())
-            piston.publish(stranger)
+            foreign = JointState(name=['piston'], position=[0.0])
+            foreign.header.stamp = stamp_message(time.time_ns())
+            piston.publish(foreign)
 
 
 class Soak:
-    """The nodes, what is done to them, and the file of what was seen."""
+    """The nodes, the actions on them, and the file of measurements."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -203,18 +208,18 @@ class Soak:
         self._log = (folder / 'nodes.log').open('wb')
         self._file = (folder / 'samples.jsonl').open('w', encoding='utf-8')
         self._cell = Cell()
-        self._hand: subprocess.Popen[bytes] | None = None
+        self._operator: subprocess.Popen[bytes] | None = None
         self._leaks = False
         self._identified = False
         self._kills = itertools.cycle((signal.SIGKILL, signal.SIGTERM))
         self._programs: dict[str, Program] = {}
 
     def _start(self) -> None:
-        def start(name: str, namespace: str, parameters: Mapping[str, Any], inputs: Sequence[str] = ()) -> None:
+        def start_node(name: str, namespace: str, parameters: Mapping[str, Any], inputs: Sequence[str] = ()) -> None:
             remaps = itertools.chain.from_iterable(('-r', f'{topic}:={DEVICE}/{topic}') for topic in inputs)
-            reliable = {f'qos_overrides.{DEVICE}/{one}.subscription.reliability': 'reliable' for one in inputs}
-            given = {'use_sim_time': 'true', **reliable, **parameters}
-            self._programs[name] = Program(name, namespace, self._log, given, *remaps)
+            reliable = {f'qos_overrides.{DEVICE}/{topic}.subscription.reliability': 'reliable' for topic in inputs}
+            settings = {'use_sim_time': 'true', **reliable, **parameters}
+            self._programs[name] = Program(name, namespace, self._log, settings, *remaps)
 
         folders = {'input_folders': f'[{self._folder}]', 'output_folder': self._folder}
         identify = {
@@ -225,28 +230,28 @@ class Soak:
         }
         watch = {'area': PISTON_AREA, 'learning': 30.0, 'diagnosis_window': 20.0}
         record = {'topics': f'[{",".join(RECORDED)}]', 'output': self._folder / 'bag', 'overwrite': 'true'}
-        start('recorder_node', CELL, record)
-        start('sim_node', SIM, {'area': PISTON_AREA}, MODEL_INPUTS)
-        start('monitor_node', MONITOR, watch, MONITOR_INPUTS)
-        start('identifier_node', CELL, identify)
+        start_node('recorder_node', CELL, record)
+        start_node('sim_node', SIM, {'area': PISTON_AREA}, MODEL_INPUTS)
+        start_node('monitor_node', MONITOR, watch, MONITOR_INPUTS)
+        start_node('identifier_node', CELL, identify)
         self._cell.until(lambda: {SIM_NODE, MONITOR_NODE} <= {name.partition(': ')[0] for name in self._cell.levels})
-        start('rig_node', DEVICE, {'sample_rate': 1000.0, 'device': 'paper'})
-        self._hand = self._new_hand()
+        start_node('rig_node', DEVICE, {'sample_rate': 1000.0, 'device': 'paper'})
+        self._operator = self._start_operator()
         self._cell.until(lambda: all(self._cell.late.values()))
 
-    def _new_hand(self) -> subprocess.Popen[bytes]:
-        return started('-c', 'from studies.trials.soak import hand; hand()', stderr=self._log)
+    def _start_operator(self) -> subprocess.Popen[bytes]:
+        return started('-c', 'from studies.trials.soak import operator; operator()', stderr=self._log)
 
-    # what is done
+    # actions
 
-    def _replace_hand(self) -> None:
-        assert self._hand is not None
-        self._hand.kill()
-        self._hand.wait()
-        self._hand = self._new_hand()
+    def _replace_operator(self) -> None:
+        assert self._operator is not None
+        self._operator.kill()
+        self._operator.wait()
+        self._operator = self._start_operator()
 
     def _replace_rig(self) -> None:
-        self._programs['rig_node'].again(next(self._kills))
+        self._programs['rig_node'].restart(next(self._kills))
         self._leaks = False
 
     def _jump(self) -> None:
@@ -254,31 +259,33 @@ class Soak:
 
     def _change_parameters(self) -> None:
         tau = self._draw.uniform(5e-3, 3e-2)
-        self._cell.set(SIM_NODE, cylinder_a__tau=[tau] * 4, axis=self._draw.choice('xyz'))
-        self._cell.set(MONITOR_NODE, frame_id=f'cfd_{self._draw.randrange(10**6)}', axis=self._draw.choice('xyz'))
+        self._cell.set_on(SIM_NODE, cylinder_a__tau=[tau] * 4, axis=self._draw.choice('xyz'))
+        self._cell.set_on(MONITOR_NODE, frame_id=f'cfd_{self._draw.randrange(10**6)}', axis=self._draw.choice('xyz'))
 
     def _change_leak(self) -> None:
         self._leaks = not self._leaks
-        self._cell.set(RIG_NODE, faults=LEAK if self._leaks else 'none')
+        self._cell.set_on(RIG_NODE, faults=LEAK if self._leaks else 'none')
 
     def _identify(self) -> None:
         self._identified = not self._identified
         self._cell.trigger(f'{IDENTIFIER_NODE}/{"identify" if self._identified else "revert"}')
 
-    def _begin_anew(self) -> None:
+    def _reset(self) -> None:
         self._cell.trigger(f'{SIM_NODE}/reset')
         self._cell.trigger(f'{MONITOR_NODE}/learn')
 
-    # what is seen
+    # measurements
 
-    def _note(self, at: float) -> None:
+    def _measure(self, at: float) -> None:
         for name, program in self._programs.items():
             if program.process.poll() is not None:
-                raise RuntimeError(f'{name} ended with code {program.process.returncode}: see {self._log.name}')
-            self._write({'at': at, 'name': name, 'pid': program.process.pid, **seen_of(program.process.pid)})
+                raise RuntimeError(
+                    f'{name} ended with code {program.process.returncode}. Its messages are in {self._log.name}'
+                )
+            self._write({'at': at, 'name': name, 'pid': program.process.pid, **usage_of(program.process.pid)})
         pid = self._programs['monitor_node'].process.pid
         for child in Path(f'/proc/{pid}/task/{pid}/children').read_text().split():
-            self._write({'at': at, 'name': "monitor_node's diagnoses", 'pid': int(child), **seen_of(int(child))})
+            self._write({'at': at, 'name': "monitor_node's diagnoses", 'pid': int(child), **usage_of(int(child))})
         for name, late in self._cell.late.items():
             if late:
                 middle, most, longest = np.percentile(late, (50, 99, 100)).tolist()
@@ -292,33 +299,33 @@ class Soak:
         self._file.flush()
 
     def run(self, seconds: float) -> None:
-        """Do all of it for a while."""
+        """Run the nodes with all actions for a time."""
         cell = self._cell
         self._start()
         begin = time.monotonic()
         plan: list[tuple[float, Callable[[], None]]] = [
-            (0.05, cell.tell_time),
+            (0.05, cell.publish_time),
             (7.0, self._change_parameters),
-            (10.0, lambda: self._note(time.monotonic() - begin)),
-            (60.0, self._replace_hand),
+            (10.0, lambda: self._measure(time.monotonic() - begin)),
+            (60.0, self._replace_operator),
             (75.0, self._change_leak),
             (90.0, self._identify),
             (280.0, self._jump),
-            (700.0, self._begin_anew),
+            (700.0, self._reset),
             (900.0, self._replace_rig),
         ]
         due = [begin + period for period, _ in plan]
         while (now := time.monotonic()) < begin + seconds:
-            for index, (period, do) in enumerate(plan):
+            for index, (period, act) in enumerate(plan):
                 if now >= due[index]:
-                    do()
+                    act()
                     due[index] = max(due[index] + period, now)
             cell.spin(0.02)
         self._finish(time.monotonic() - begin)
 
     def _finish(self, at: float) -> None:
-        """End all of it, the recorder last; note what is in its bag."""
-        self._note(at)
+        """End all nodes, the recorder last, and write the number of recorded messages."""
+        self._measure(at)
         order = ('rig_node', 'sim_node', 'monitor_node', 'identifier_node', 'recorder_node')
         codes = {}
         for name in order:
@@ -329,15 +336,15 @@ class Soak:
         self._write({'at': at, 'recorded': recorded, 'published': self._cell.answers, 'codes': codes})
 
     def _let_arrive(self) -> None:
-        """Let what is on its way arrive before the next one ends."""
+        """Wait until messages on their way have arrived, before the next node ends."""
         until = time.monotonic() + 1.0
         while time.monotonic() < until:
             self._cell.spin(0.05)
 
     def close(self) -> None:
-        """End what still runs."""
-        hands = [] if self._hand is None else [self._hand]
-        for process in (*hands, *(program.process for program in self._programs.values())):
+        """End the processes that still run."""
+        operators = [] if self._operator is None else [self._operator]
+        for process in (*operators, *(program.process for program in self._programs.values())):
             if process.poll() is None:
                 process.kill()
                 process.wait()
@@ -353,11 +360,11 @@ def report(path: Path) -> str:
     for row in rows:
         if 'pid' in row:
             by_name.setdefault(row['name'], []).append(row)
-    for name, own in by_name.items():
-        warm = [row for row in own if row['at'] > WARMING * last]
-        grown, interval = slope([row for row in own if row['at'] > 0.5 * last], 'own')
+    for name, samples in by_name.items():
+        warm = [row for row in samples if row['at'] > WARMING * last]
+        grown, interval = slope([row for row in samples if row['at'] > 0.5 * last], 'own')
         spans = [span(warm, key) for key in KINDS]
-        core = np.mean([_core(list(life)) for _, life in itertools.groupby(own, lambda row: row['pid'])])
+        core = np.mean([_core(list(life)) for _, life in itertools.groupby(samples, lambda row: row['pid'])])
         lines.append(
             (
                 name,
@@ -369,18 +376,25 @@ def report(path: Path) -> str:
             )
         )
     memory = table(
-        ('process', 'own memory at first [MiB]', 'at last [MiB]', 'in the second half [MiB/h]', *KINDS, 'of a core'),
+        (
+            'process',
+            'private memory at first [MiB]',
+            'at last [MiB]',
+            'growth in the second half [MiB/h]',
+            *KINDS,
+            'of a core',
+        ),
         lines,
     )
     lines = []
     for name in ANSWERS:
-        own = [row for row in rows if row.get('answers_of') == name]
-        tenth = max(len(own) // 10, 1)
+        samples = [row for row in rows if row.get('answers_of') == name]
+        tenth = max(len(samples) // 10, 1)
         lines += [
-            (name, when, *(f'{np.median([row[key] for row in part]) * 1e-6:.2f}' for key in ('p50', 'p99', 'max')))
-            for when, part in (('first tenth', own[:tenth]), ('last tenth', own[-tenth:]))
+            (name, period, *(f'{np.median([row[key] for row in part]) * 1e-6:.2f}' for key in ('p50', 'p99', 'max')))
+            for period, part in (('first tenth', samples[:tenth]), ('last tenth', samples[-tenth:]))
         ]
-    late = table(('answers of', 'when', 'p50 [ms]', 'p99 [ms]', 'longest of 10 s [ms]'), lines)
+    late = table(('answers of', 'period', 'p50 [ms]', 'p99 [ms]', 'longest of 10 s [ms]'), lines)
     counts = [{key: value for key, value in row.items() if key != 'levels'} for row in rows if 'samples' in row][-1]
     end = [row for row in rows if 'recorded' in row]
     loads = [row['load'] for row in rows if 'load' in row]
@@ -405,11 +419,11 @@ def _core(life: Sequence[Mapping[str, Any]]) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Soak the nodes; print the tables."""
+    """Run the soak and print its tables."""
     parser = argparse.ArgumentParser(prog='soak', description=__doc__)
-    parser.add_argument('--hours', type=float, default=2.0, help='how long')
-    parser.add_argument('--output', type=Path, default=ROOT / 'build' / 'soak', help='folder of what was seen')
-    parser.add_argument('--report', action='store_true', help='make the tables of what is there')
+    parser.add_argument('--hours', type=float, default=2.0, help='duration')
+    parser.add_argument('--output', type=Path, default=ROOT / 'build' / 'soak', help='folder of the measurements')
+    parser.add_argument('--report', action='store_true', help='print the tables of an earlier run')
     options = parser.parse_args(arguments)
     if not options.report:
         isolate()

@@ -16,7 +16,7 @@ from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.nodes import topics
 from cfd_pneumatic.nodes.topics import Backlog, LossCounter
 from cfd_pneumatic.rig import SCHEDULES, schedule_named
-from studies.documents.layouts import DEVICE, FOLDER, FOXED, MONITOR, SIM
+from studies.documents.layouts import DEVICE, FOLDER, FOXGLOVE_PATHS, MONITOR, SIM
 
 NODES = {
     DEVICE: ('rig_node', {'schedule': 'paper_step', 'start_subscribers': 99}),
@@ -55,7 +55,7 @@ def test_what_the_layout_of_a_cell_shows_is_published(cell):
         published |= cell.node.get_publisher_names_and_types_by_node(name, namespace)
     panels = json.loads((FOLDER / 'cell.foxglove.json').read_text(encoding='utf-8'))['configById'].values()
     shown = dict(path['value'].split('.', 1) for panel in panels for path in panel.get('paths', ()))
-    assert {topic: FOXED[published[topic][0]] for topic in shown} == shown
+    assert {topic: FOXGLOVE_PATHS[published[topic][0]] for topic in shown} == shown
 
 
 @pytest.fixture

@@ -144,10 +144,10 @@ def test_two_effects_at_once() -> None:
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [
-        (('leak', 'paper_step', 0), "effect 'leak' is not known: use one of leakage"),
-        (('leakage', 'step', 0), "schedule 'step' is not known: use one of paper_step"),
-        (('leakage', 'paper_step', 0, 'pink'), "noise 'pink' is not known: use one of white"),
-        ((('supply_variation', 'pulsation'), 'paper_step', 0), 'two of them are the same thing'),
+        (('leak', 'paper_step', 0), "effect 'leak' is not known. Use one of leakage"),
+        (('leakage', 'step', 0), "schedule 'step' is not known. Use one of paper_step"),
+        (('leakage', 'paper_step', 0, 'pink'), "noise 'pink' is not known. Use one of white"),
+        ((('supply_variation', 'pulsation'), 'paper_step', 0), 'two of them change the same part of the rig'),
     ],
 )
 def test_what_cannot_be_drawn(arguments: tuple[str, str, int], message: str) -> None:

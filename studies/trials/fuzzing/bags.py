@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags of all storages and compressions, whole and damaged, each read by us and by rosbags."""
+"""Try bags of all storages and compressions, whole and damaged, with the package and with rosbags."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ EPOCH = 1_700_000_000_000_000_000
 Message = tuple[str, str, int, bytes]
 """Topic, type, time of reception [ns], payload."""
 
-Found = dict[str, list[tuple[int, bytes]]]
+TopicMessages = dict[str, list[tuple[int, bytes]]]
 """Messages of each topic, by time of reception."""
 
 Write = Callable[[Path, Sequence[Message], Random], bool]
-"""Writes a bag into a folder; returns whether a checksum covers all of it."""
+"""Function that writes a bag into a folder, and returns whether a checksum covers the whole bag."""
 
 TOPICS = {
     '/cfd/device/piston_state': JOINT_STATE,
@@ -51,29 +51,29 @@ TOPICS = {
 
 
 class Written(NamedTuple):
-    """What is in a bag, whether it is a recording too, and whether a checksum covers all of it."""
+    """Messages of a bag, whether they are a recording, and whether a checksum covers the whole bag."""
 
-    messages: Found
+    messages: TopicMessages
     recording: bool
     checked: bool
 
 
 def contents(rng: Random, ros1: bool = False) -> tuple[list[Message], bool]:
-    """Return some messages, and whether they are a recording: in order, and payloads that are more than any bytes."""
+    """Return random messages, and whether they are a recording: in order and with valid payloads."""
     messages = []
-    in_order, sane = rng.random() < 0.8, rng.random() < 0.8
+    in_order, is_valid = rng.random() < 0.8, rng.random() < 0.8
     for index in range(rng.choice((1, 2, 8, 20))):
         for topic, msgtype in TOPICS.items():
             time = EPOCH + (index * 10_000_000 if in_order else rng.randrange(10**9))
             payload = rng.randbytes(rng.choice((0, 1, 4, 40)))
-            if sane:
+            if is_valid:
                 payload = (_in_ros1 if ros1 else _in_cdr)(msgtype, time, index)
             messages.append((topic, msgtype, time, payload))
-    return messages, in_order and sane
+    return messages, in_order and is_valid
 
 
 def _in_cdr(msgtype: str, stamp: int, index: int) -> bytes:
-    """Return a message, little endian."""
+    """Return a message in little-endian CDR."""
     if msgtype == FLOAT64:
         return b'\0\1\0\0' + struct.pack('<d', 3e4 + index)
     header = b'\0\1\0\0' + struct.pack('<iIIx3x', *divmod(stamp, 10**9), 1)
@@ -92,7 +92,7 @@ def _in_ros1(msgtype: str, stamp: int, index: int) -> bytes:
 
 
 def by_rosbags(storage: str, *modes: CompressionMode, alone: float = 0.9) -> Write:
-    """Return what writes a bag with rosbags; a share of those that may be are a file alone."""
+    """Return a function that writes a bag with rosbags; a share `alone` are files without metadata.yaml."""
 
     def write(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
         writer = Writer(folder / 'bag', version=rng.choice((8, 9)), storage_plugin=StoragePlugin[storage.upper()])
@@ -112,14 +112,14 @@ def by_rosbags(storage: str, *modes: CompressionMode, alone: float = 0.9) -> Wri
 
 
 def _leave_file_alone(folder: Path) -> None:
-    """Take the file of a bag out of its folder: to read a metadata.yaml takes longer than everything else."""
+    """Move the file of a bag out of its folder, because reading metadata.yaml dominates the time."""
     (file,) = (file for file in (folder / 'bag').iterdir() if file.name != METADATA)
     file.rename(folder / file.name)
     shutil.rmtree(folder / 'bag')
 
 
-def by_us(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
-    """Write a bag as our programs do."""
+def by_package(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
+    """Write a bag with the package."""
     with BagWriter(folder / 'bag', storage=rng.choice(('mcap', 'sqlite3'))) as bag:
         for topic, msgtype in TOPICS.items():
             bag.add_topic(topic, msgtype)
@@ -131,7 +131,7 @@ def by_us(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
 
 
 def by_mcap(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
-    """Write an mcap file with the mcap library and any of its options, sometimes in two parts."""
+    """Write an mcap file with the mcap library and random options, sometimes in two parts."""
     checked = rng.random() < 0.7
     options = {
         'compression': rng.choice(list(CompressionType)),
@@ -181,52 +181,52 @@ def by_ros1(folder: Path, messages: Sequence[Message], rng: Random) -> bool:
     return False
 
 
-def ours(bag: Bag) -> Found:
-    """Return what we read."""
-    found: Found = defaultdict(list)
+def read_by_package(bag: Bag) -> TopicMessages:
+    """Return the messages that the package reads."""
+    found: TopicMessages = defaultdict(list)
     for topic, block in bag.blocks(list(bag.topics)):
         found[topic] += [(int(time), block.payload(index)) for index, time in enumerate(block.times)]
     return by_time(found)
 
 
-def theirs(path: Path) -> Found | None:
-    """Return what rosbags reads, None where it stumbles."""
-    found: Found = defaultdict(list)
+def read_by_rosbags(path: Path) -> TopicMessages | None:
+    """Return the messages that rosbags reads; None if rosbags fails."""
+    found: TopicMessages = defaultdict(list)
     try:
         with (Ros1Reader if path.suffix == '.bag' else Ros2Reader)(path) as reader:
             for connection, time, payload in reader.messages():
                 found[f'/{connection.topic.lstrip("/")}'].append((int(time), bytes(payload)))  # SQLite takes any type
-    except Exception:  # whatever damage makes it stumble over
+    except Exception:  # rosbags raises many types of exceptions on damaged bags
         return None
     return by_time(found)
 
 
-def by_time(found: Found) -> Found:
-    """Return messages of equal times in an order of their own."""
+def by_time(found: TopicMessages) -> TopicMessages:
+    """Sort the messages of each topic, so that the order at equal times does not matter."""
     return {topic: sorted(messages) for topic, messages in found.items() if messages}
 
 
 def check(recording: Recording) -> None:
-    """Raise a fault where a recording holds what none may."""
+    """Raise a fault if a recording has non-finite numbers, or times that do not increase."""
     for role, _, signal in recording.signals():
         if not (np.isfinite(signal.values).all() and np.isfinite(signal.times).all()):
-            raise Fault(f'the {role} has numbers that are none')
+            raise Fault(f'the {role} has numbers that are not finite')
         if not (np.diff(signal.times) > 0.0).all():
             raise Fault(f'the times of the {role} do not increase')
 
 
 class Bags(Kind):
     """
-    Bags that one program writes.
+    Bags of a program.
 
     Parameters
     ----------
     name
-        Of the kind.
+        Name of the kind.
     writers
-        What writes one.
+        Functions that write a bag.
     changes
-        What is changed: files whose names end so.
+        End of the names of files that are changed.
 
     """
 
@@ -235,80 +235,80 @@ class Bags(Kind):
         self._writers, self._changes = writers, changes
 
     def start(self, folder: Path) -> None:
-        """Choose where all are written."""
+        """Set the folder of the bags."""
         self._folder = folder
         self._opened = False
 
     def valid(self, rng: Random) -> Input:
         """Write a bag."""
-        made = _emptied(self._folder / 'made')
+        target = _emptied(self._folder / 'made')
         messages, recording = contents(rng, ros1=by_ros1 in self._writers)
-        checked = rng.choice(self._writers)(made, messages, rng)
-        written: Found = defaultdict(list)
+        checked = rng.choice(self._writers)(target, messages, rng)
+        written: TopicMessages = defaultdict(list)
         for topic, _, time, payload in messages:
             written[topic].append((time, payload))
-        files = {str(file.relative_to(made)): file.read_bytes() for file in made.rglob('*') if file.is_file()}
+        files = {str(file.relative_to(target)): file.read_bytes() for file in target.rglob('*') if file.is_file()}
         return Input(files, Written(by_time(written), recording and len(messages) > len(TOPICS), checked))
 
     def changed(self, parent: Input, rng: Random) -> Input:
-        """Return a bag one file of which is changed."""
+        """Return a bag with a changed file."""
         name = rng.choice(sorted(name for name in parent.files if name.endswith(self._changes)))
         return parent.changed(name, mutated(parent.files[name], rng, TEXT if name.endswith(METADATA) else BINARY))
 
-    def give(self, one: Input) -> str:
-        """Let it be read by rosbags and by us, as messages and as a recording."""
-        path, written = self._place(one), one.about
-        expected = theirs(path)
+    def give(self, case: Input) -> str:
+        """Read the bag with rosbags and with the package, as messages and as a recording."""
+        path, written = self._place(case), case.about
+        expected = read_by_rosbags(path)
         self._opened = False
         try:
             with Bag(path) as bag:
                 self._opened = True
-                found, notes = ours(bag), bag.notes
+                found, notes = read_by_package(bag), bag.notes
         except InputError as error:
             if expected == written.messages and self._changes and not _MAY_BE_REFUSED.search(str(error)):
-                raise Fault('refused, though the bag is whole and rosbags reads it') from None
+                raise Fault('the package refuses a whole bag that rosbags reads') from None
             raise
-        if one.whole and notes:
-            raise Fault(f'a whole bag is said to be damaged: {notes}')
-        if one.whole and found != written.messages:
-            raise Fault('of a whole bag something else is read than was written')
+        if case.whole and notes:
+            raise Fault(f'a whole bag is reported as damaged: {notes}')
+        if case.whole and found != written.messages:
+            raise Fault('the messages read from a whole bag differ from the written messages')
         if (
             not notes
             and found != written.messages
             and any(Counter(messages) - Counter(found.get(topic, ())) for topic, messages in (expected or {}).items())
         ):
-            raise Fault(f'{_count(found)} messages where rosbags reads {_count(expected or {})}, and nothing is said')
+            raise Fault(f'{_count(found)} messages are read without a note; rosbags reads {_count(expected or {})}')
         if written.checked and not all(
             set(messages) <= set(written.messages.get(topic, ())) for topic, messages in found.items()
         ):
-            raise Fault('something else is read than was written, which a checksum covers')
-        if one.whole or sum(map(len, one.files.values())) % 16 == 0:  # not all, for it takes long
+            raise Fault('read messages differ from written messages, although a checksum covers them')
+        if case.whole or sum(map(len, case.files.values())) % 16 == 0:  # only some, because a recording takes long
             try:
                 check(read_recording(path))
             except InputError:
-                if written.recording or not one.whole:
+                if written.recording or not case.whole:
                     raise
         return ' '.join(notes)
 
-    def parses(self, one: Input) -> bool:
-        """Return whether it was opened, or what is changed of it is YAML."""
+    def parses(self, case: Input) -> bool:
+        """Return whether the bag was opened, or its changed file is YAML."""
         if self._changes and not self._opened:
-            with suppress(Exception):  # whatever the parser has for it
-                return yaml.safe_load(one.files[f'bag/{METADATA}']) is not None
+            with suppress(Exception):  # the parser raises many types of exceptions
+                return yaml.safe_load(case.files[f'bag/{METADATA}']) is not None
         return self._opened
 
-    def _place(self, one: Input) -> Path:
-        """Write it, and return the path that a user would give."""
+    def _place(self, case: Input) -> Path:
+        """Write the bag, and return its path for a user."""
         given = _emptied(self._folder / 'given')
-        one.save(given)
-        files = list(one.files)
+        case.save(given)
+        files = list(case.files)
         if 'bag/' in files[0]:
             return given / 'bag'
         return given if len(files) > 1 else given / files[0]
 
 
 _MAY_BE_REFUSED = re.compile('unfolds to more than|is not YAML')
-"""Of what rosbags may read: a value that holds itself, which it need not follow, and YAML 1.2, such as empty keys."""
+"""Refusals of bags that rosbags reads: values that contain themselves, and YAML 1.2, such as empty keys."""
 
 
 def _emptied(folder: Path) -> Path:
@@ -317,7 +317,7 @@ def _emptied(folder: Path) -> Path:
     return folder
 
 
-def _count(found: Found) -> int:
+def _count(found: TopicMessages) -> int:
     return len(list(chain(*found.values())))
 
 
@@ -328,7 +328,7 @@ def kinds() -> list[Kind]:
         Bags('bags: mcap, by its library', by_mcap),
         Bags('bags: mcap, by rosbags', by_rosbags('mcap', *[none, CompressionMode.STORAGE] * 8, by_file, by_message)),
         Bags('bags: sqlite3, by rosbags', by_rosbags('sqlite3', *[none] * 16, by_file, by_message)),
-        Bags('bags: mcap and sqlite3, by us', by_us),
+        Bags('bags: mcap and sqlite3, by us', by_package),
         Bags('bags: ROS 1', by_ros1),
         Bags(
             'metadata.yaml of bags',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many inputs of a kind: each is given to what reads it, what becomes of it is counted, what is new is kept."""
+"""Give many inputs of a kind to their reader, count the outcomes, and keep inputs that reach new code."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from warnings import catch_warnings, simplefilter
 from cfd_pneumatic.errors import InputError
 
 PATIENCE = 10.0
-"""No input may take longer [s]."""
+"""Time limit of an input [s]."""
 
 _PACKAGE = str(Path(sys.modules['cfd_pneumatic'].__file__ or '').parent)
-_FRESH = 0.05  # share of the inputs that are whole
-_PARENTS = 40  # whole inputs from which the changed ones start
-_LARGEST = 2**18  # a parent has no more [bytes]
+_FRESH = 0.05  # share of valid inputs
+_PARENTS = 40  # valid inputs from which the changed inputs start
+_LARGEST = 2**18  # size of a parent [bytes]
 
 
-class Fault(Exception):  # noqa: N818, it is none of a program's errors
-    """Something that must not become of any input."""
+class Fault(Exception):  # noqa: N818, not an error of a program
+    """An outcome that no input may have."""
 
 
 class TooLong(BaseException):
-    """An input took too long; no reader may take this for damage."""
+    """An input took too long; a BaseException, so that no reader catches the signal."""
 
 
 @dataclass(frozen=True)
 class Input:
     """
-    An input.
+    An input of a reader.
 
     Attributes
     ----------
     files
-        Names and contents.
+        Contents of the files by name.
     about
-        What is known of the valid one that it comes from.
+        Facts about the valid input from which this input comes.
     whole
-        Whether it is valid as it is.
+        Whether the input is valid.
 
     """
 
@@ -58,7 +58,7 @@ class Input:
     whole: bool = True
 
     def changed(self, name: str, content: bytes) -> Input:
-        """Return it with another content of one file."""
+        """Return the input with a new content of a file."""
         return Input({**self.files, name: content}, self.about, whole=False)
 
     def save(self, folder: Path) -> None:
@@ -75,14 +75,14 @@ class Kind(ABC):
     Attributes
     ----------
     name
-        In words.
+        Name for people.
 
     """
 
     name: str
 
     def start(self, folder: Path) -> None:  # noqa: B027
-        """Make what all inputs need; the folder is for them."""
+        """Prepare the reader; inputs are written to the folder."""
 
     @abstractmethod
     def valid(self, rng: Random) -> Input:
@@ -93,48 +93,48 @@ class Kind(ABC):
         """Return an input with changes."""
 
     @abstractmethod
-    def give(self, one: Input) -> str:
+    def give(self, case: Input) -> str:
         """
-        Let an input be read; return what was said about it, if anything.
+        Give an input to the reader; return the reader's notes.
 
         Raises
         ------
         InputError
-            If it is refused.
+            If the reader refuses the input.
         Fault
-            If what came of it is wrong.
+            If the outcome is wrong.
 
         """
 
     @abstractmethod
-    def parses(self, one: Input) -> bool:
-        """Return whether an input that was refused gets past the first parser of its format."""
+    def parses(self, case: Input) -> bool:
+        """Return whether the first parser of the format accepts a refused input."""
 
     def stop(self) -> None:  # noqa: B027
-        """End what `start` began; raise `Fault` where it is not as it should be."""
+        """End the reader; raise `Fault` if the reader is in a wrong state."""
 
 
 @dataclass
 class Tally:
     """
-    What became of many inputs.
+    Outcomes of many inputs.
 
     Attributes
     ----------
     kind
-        Of the inputs.
+        Name of the kind of inputs.
     inputs, whole, read, early
-        How many were tried, were valid, were read, were refused by the first parser.
+        Numbers of inputs: tried, valid, read, refused by the first parser.
     slowest
-        Longest time that one took [s].
+        Longest time of an input [s].
     seconds
-        Time of the processor for all of them [s].
+        Processor time of all inputs [s].
     peak
-        Most memory of the process [bytes].
+        Peak memory of the process [bytes].
     parents
-        Inputs that were kept.
+        Number of kept inputs.
     faults
-        What must not be, by where it happened: how often, the first input's number, and what it was.
+        Faults by place in the code: count, number of the first input, description.
 
     """
 
@@ -149,27 +149,27 @@ class Tally:
     parents: int = 0
     faults: dict[str, tuple[int, int, str]] = field(default_factory=dict)
 
-    def note(self, where: str, number: int, what: str) -> bool:
-        """Count a fault; return whether it is the first one there."""
-        count, first, said = self.faults.get(where, (0, number, what))
-        self.faults[where] = (count + 1, first, said)
+    def note(self, place: str, number: int, description: str) -> bool:
+        """Count a fault; return whether the fault is the first at its place."""
+        count, first, text = self.faults.get(place, (0, number, description))
+        self.faults[place] = (count + 1, first, text)
         return count == 0
 
 
 def run(kind: Kind, count: int, seed: int, folder: Path, kept: Path | None = None) -> Tally:
     """
-    Give many inputs of a kind.
+    Give many inputs of a kind to their reader; return the outcomes.
 
     Parameters
     ----------
     kind, count
-        What, and how many.
+        Kind and number of inputs.
     seed
-        The same makes the same inputs.
+        Seed of the random inputs.
     folder
-        Where they are written to; it may be in memory.
+        Folder of the inputs; may be in memory.
     kept
-        Where those are left that lead to faults.
+        Folder for inputs that lead to faults; None: inputs are not kept.
 
     """
     tally, began = Tally(kind.name), time.process_time()
@@ -187,54 +187,54 @@ def run(kind: Kind, count: int, seed: int, folder: Path, kept: Path | None = Non
 
 def _give_all(kind: Kind, count: int, seed: int, tally: Tally, kept: Path | None) -> None:
     parents = [kind.valid(Random(f'{seed} {kind.name} {number}')) for number in range(_PARENTS)]
-    seen: set[str] = set()
+    places: set[str] = set()
     for number in range(count):
         rng = Random(f'{seed} {kind.name} input {number}')
         if rng.random() < _FRESH:
-            one = kind.valid(rng)
+            case = kind.valid(rng)
         else:
-            some = parents if rng.random() < 0.5 else parents[:_PARENTS]
-            one = kind.changed(rng.choice(some), rng)
+            candidates = parents if rng.random() < 0.5 else parents[:_PARENTS]
+            case = kind.changed(rng.choice(candidates), rng)
         began = time.perf_counter()
-        where = _outcome(kind, one, number, tally, kept)
+        place = _outcome(kind, case, number, tally, kept)
         tally.slowest = max(tally.slowest, time.perf_counter() - began)
         tally.inputs += 1
-        tally.whole += one.whole
-        if where not in seen:
-            seen.add(where)
-            if not one.whole and sum(map(len, one.files.values())) < _LARGEST:
-                parents.append(one)
+        tally.whole += case.whole
+        if place not in places:
+            places.add(place)
+            if not case.whole and sum(map(len, case.files.values())) < _LARGEST:
+                parents.append(case)
                 tally.parents += 1
 
 
-def _outcome(kind: Kind, one: Input, number: int, tally: Tally, kept: Path | None) -> str:
-    """Let an input be read, count what comes of it, and return where in the code that was decided."""
+def _outcome(kind: Kind, case: Input, number: int, tally: Tally, kept: Path | None) -> str:
+    """Give an input to the reader, count the outcome, and return the outcome's place in the code."""
     try:
         with limited(PATIENCE), catch_warnings():
-            simplefilter('error', RuntimeWarning)  # which a user would see
-            said = kind.give(one)
+            simplefilter('error', RuntimeWarning)  # a user would see them
+            notes = kind.give(case)
     except InputError as refusal:
-        where = _places(refusal) or re.sub(r'[\d.]+', '#', str(refusal))
-        tally.early += not kind.parses(one)
-        if not one.whole:
-            return where
+        place = _places(refusal) or re.sub(r'[\d.]+', '#', str(refusal))
+        tally.early += not kind.parses(case)
+        if not case.whole:
+            return place
         error: BaseException = refusal
-        what = f'a valid input is refused: {refusal}'
+        description = f'a valid input is refused: {refusal}'
     except (Exception, TooLong) as unexpected:
-        error, where = unexpected, f'{type(unexpected).__name__} {_places(unexpected)}'
-        what = ''.join(traceback.format_exception(error))
+        error, place = unexpected, f'{type(unexpected).__name__} {_places(unexpected)}'
+        description = ''.join(traceback.format_exception(error))
         if isinstance(error, Fault):
-            what, where = str(error), re.sub(r'[\d.]+', '#', str(error))
+            description, place = str(error), re.sub(r'[\d.]+', '#', str(error))
     else:
         tally.read += 1
-        return f'read {re.sub(r"[0-9.]+", "#", said)}'
-    if tally.note(where, number, what) and kept is not None:
-        one.save(kept / kind.name.replace(' ', '_') / str(number))
-    return where
+        return f'read {re.sub(r"[0-9.]+", "#", notes)}'
+    if tally.note(place, number, description) and kept is not None:
+        case.save(kept / kind.name.replace(' ', '_') / str(number))
+    return place
 
 
 def _places(error: BaseException | None) -> str:
-    """Return the lines of the package through which an error went, and the one that it comes from."""
+    """Return the lines of the package in the tracebacks of an error and its causes."""
     places = []
     while error is not None:
         places += [
@@ -248,7 +248,7 @@ def _places(error: BaseException | None) -> str:
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Raise `TooLong` in what takes longer; it must not be nested."""
+    """Raise `TooLong` in a body that takes longer; must not be nested."""
 
     def end(_number: int, _frame: FrameType | None) -> None:
         raise TooLong
@@ -263,7 +263,7 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 def _peak() -> int:
-    """Return the most memory that this process has had [bytes]."""
+    """Return the peak memory of this process [bytes]."""
     with suppress(OSError):
         for line in Path('/proc/self/status').read_text(encoding='utf-8').splitlines():
             if line.startswith('VmHWM'):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random changes of valid inputs; the same generator makes the same changes."""
+"""Change valid inputs at random, reproducibly for a generator."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ NUMBERS = (
     ),
     *(b'9223372036854775808', b'-9223372036854775809', b'4294967296', b'2001-01-01', b'\xd9\xa3'),
 )
-"""What may stand where a number does."""
+"""Replacements of a number."""
 
 JSON_NUMBERS = (
     *(b'0', b'-0.0', b'1', b'-1', b'1e9', b'1e300', b'1e-300', b'1e308', b'1e400', b'1' * 400, b'NaN', b'Infinity'),
     *(b'-Infinity', b'true', b'null', b'"1"', b'"x"', b'[]', b'{}', b'[1e5]', b'9223372036854775808', b'1_0', b'01'),
 )
-"""The same in JSON, mostly."""
+"""Replacements of a number in JSON."""
 
 SECRET = b'Zq7Xk9wVb2LmR4tY'
 """A word that no message may quote."""
@@ -51,7 +51,7 @@ TEXTS = (
     *(b'!!python/name:os.system', b'!!binary aaa', b'\xff\xfe', b'\xef\xbb\xbf', b'\x00', b'\x1b[31m', b'\xe2\x80\xa8'),
     *(b'=1+1', b'../../etc', b'"', b"'", b'%s', b': ', b'- ', b'#', b'|', b'>', b'<<: *a', b'\n', b'\t', b'\r'),
 )
-"""What may stand where a word does."""
+"""Replacements of a word."""
 
 INTEGERS = (0, 1, 2, 4, 255, 256, 2**16 - 1, 2**31 - 1, 2**31, 2**32 - 1, 2**40, 2**63 - 1, 2**63, 2**64 - 1)
 
@@ -60,13 +60,13 @@ DOUBLES = (math.nan, math.inf, -math.inf, 1e308, -1e308, 1e155, 1e13, 5e-324, -0
 
 
 def span(data: bytes, rng: Random, longest: int = 64) -> tuple[int, int]:
-    """Return where a random piece begins and ends."""
+    """Return begin and end of a random piece."""
     begin = rng.randrange(len(data) + 1)
     return begin, min(len(data), begin + rng.randint(1, longest))
 
 
 def flip(data: bytes, rng: Random) -> bytes:
-    """Turn a bit round."""
+    """Flip a bit."""
     if not data:
         return data
     changed = bytearray(data)
@@ -75,30 +75,30 @@ def flip(data: bytes, rng: Random) -> bytes:
 
 
 def cut(data: bytes, rng: Random) -> bytes:
-    """Leave out the end."""
+    """Remove the end."""
     return data[: rng.randrange(len(data) + 1)]
 
 
 def drop(data: bytes, rng: Random) -> bytes:
-    """Leave out a piece."""
+    """Remove a piece."""
     begin, end = span(data, rng)
     return data[:begin] + data[end:]
 
 
 def repeat(data: bytes, rng: Random) -> bytes:
-    """Put a piece a second time, or many times."""
+    """Repeat a piece once, or many times."""
     begin, end = span(data, rng, 256)
     return data[:end] + data[begin:end] * rng.choice((1, 1, 1, 20)) + data[end:]
 
 
 def blank(data: bytes, rng: Random) -> bytes:
-    """Make a piece nothing but noughts."""
+    """Fill a piece with zeros."""
     begin, end = span(data, rng)
     return data[:begin] + bytes(end - begin) + data[end:]
 
 
 def integer(data: bytes, rng: Random) -> bytes:
-    """Put an extreme integer somewhere."""
+    """Write an extreme integer at a random place."""
     size = rng.choice((1, 2, 4, 8))
     begin = rng.randrange(max(1, len(data) - size))
     value = (rng.choice(INTEGERS) % 2 ** (8 * size)).to_bytes(size, rng.choice(('little', 'big')))
@@ -106,69 +106,82 @@ def integer(data: bytes, rng: Random) -> bytes:
 
 
 def double(data: bytes, rng: Random) -> bytes:
-    """Put an extreme number somewhere."""
+    """Write an extreme floating-point number at a random place."""
     begin = 4 * rng.randrange(max(1, len(data) // 4 - 1))
     return data[:begin] + struct.pack('<d', rng.choice(DOUBLES)) + data[begin + 8 :]
 
 
 def _replaced(data: bytes, rng: Random, pattern: re.Pattern[bytes], values: Sequence[bytes]) -> bytes:
-    found = list(pattern.finditer(data))
-    if not found:
+    matches = list(pattern.finditer(data))
+    if not matches:
         return data
-    one = rng.choice(found)
-    return data[: one.start()] + rng.choice(values) + data[one.end() :]
+    match = rng.choice(matches)
+    return data[: match.start()] + rng.choice(values) + data[match.end() :]
 
 
 def number(data: bytes, rng: Random) -> bytes:
-    """Put something else in the place of a number."""
+    """Replace a number."""
     return _replaced(data, rng, _NUMBER, NUMBERS)
 
 
 def json_number(data: bytes, rng: Random) -> bytes:
-    """Put something else in the place of a number in JSON."""
+    """Replace a number in JSON."""
     return _replaced(data, rng, _NUMBER, JSON_NUMBERS)
 
 
 def word(data: bytes, rng: Random) -> bytes:
-    """Put something else in the place of a word."""
+    """Replace a word."""
     return _replaced(data, rng, _WORD, TEXTS)
 
 
-def own_word(data: bytes, rng: Random) -> bytes:
-    """Put another word of the same text in the place of a word."""
+def word_of_text(data: bytes, rng: Random) -> bytes:
+    """Replace a word by another word of the text."""
     return _replaced(data, rng, _WORD, _WORD.findall(data))
 
 
 def line(data: bytes, rng: Random) -> bytes:
-    """Leave out a line, put it twice, elsewhere, or indented otherwise."""
+    """Remove, repeat, move or indent a line."""
     lines = data.splitlines(keepends=True) or [b'']
     index = rng.randrange(len(lines))
-    taken = lines.pop(index)
+    removed = lines.pop(index)
     change = rng.randrange(4)
     if change == 1:
-        lines[index:index] = [taken, taken]
+        lines[index:index] = [removed, removed]
     elif change == 2:
-        lines.insert(rng.randrange(len(lines) + 1), taken)
+        lines.insert(rng.randrange(len(lines) + 1), removed)
     elif change == 3:
-        lines.insert(index, b' ' * rng.randrange(6) + taken.lstrip())
+        lines.insert(index, b' ' * rng.randrange(6) + removed.lstrip())
     return b''.join(lines)
 
 
 def insert(data: bytes, rng: Random) -> bytes:
-    """Put a text somewhere."""
+    """Insert a text at a random place."""
     begin = rng.randrange(len(data) + 1)
     return data[:begin] + rng.choice(TEXTS) + data[begin:]
 
 
 BINARY: tuple[Mutator, ...] = (flip, flip, flip, double, double, integer, integer, integer, cut, drop, repeat, blank)
-WORDS: tuple[Mutator, ...] = (own_word, own_word, own_word, own_word, line, line, line, number, word, insert, flip, cut)
+WORDS: tuple[Mutator, ...] = (
+    word_of_text,
+    word_of_text,
+    word_of_text,
+    word_of_text,
+    line,
+    line,
+    line,
+    number,
+    word,
+    insert,
+    flip,
+    cut,
+)
 TEXT: tuple[Mutator, ...] = (*(number, number, number, word), *WORDS, drop, repeat)
-DEFINITION: tuple[Mutator, ...] = (*[own_word] * 5, *WORDS)
-JSON: tuple[Mutator, ...] = (*[json_number] * 8, *[own_word] * 3, *TEXT)
+DEFINITION: tuple[Mutator, ...] = (*[word_of_text] * 5, *WORDS)
+JSON: tuple[Mutator, ...] = (*[json_number] * 8, *[word_of_text] * 3, *TEXT)
 
 
 def mutated(data: bytes, rng: Random, mutators: Sequence[Mutator]) -> bytes:
-    """Return an input with one change or some."""
+    """Return an input with 1 to 4 changes."""
     for _ in range(rng.choice((1, 1, 1, 1, 2, 4))):
         data = rng.choice(mutators)(data, rng)
     return data

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What strangers may send to nodes: serialised messages on their topics, and requests to their parameter services.
+Send serialised messages to the topics of nodes, and requests to their parameter services.
 
-A node runs in this process, as its program makes it, with the executor that its program uses; what is sent goes
-through DDS. Whatever comes out of the executor would have ended the program.
+A node runs in this process with the settings and the executor of its program. Messages and requests go through DDS. An
+exception of the executor is a fault, because the exception would end the program.
 """
 
 from __future__ import annotations
@@ -63,24 +63,28 @@ try:
 except ImportError:  # before Jazzy
     from rclpy.executors import SingleThreadedExecutor as Executor
 
-_ANSWER = 5.0  # how long a node may take over what is sane [s]
+_ANSWER = 5.0  # time limit of an answer to a valid input [s]
 _QUEUE = QoSProfile(depth=1000)
 _MILLISECOND = 1_000_000
-_ASKED = {ListParameters: 'list_parameters', GetParameters: 'get_parameters', DescribeParameters: 'describe_parameters'}
+_SERVICES = {
+    ListParameters: 'list_parameters',
+    GetParameters: 'get_parameters',
+    DescribeParameters: 'describe_parameters',
+}
 _FIELDS = {ListParameters: 'prefixes', GetParameters: 'names', DescribeParameters: 'names'}
-_SANE = {PISTON_COMMAND: 1e-3, FORCE_SETPOINT: 20.0}  # what is sent on topics, else a set-point
+_VALID_VALUES = {PISTON_COMMAND: 1e-3, FORCE_SETPOINT: 20.0}  # by topic; all other topics get set-points
 _SETPOINTS = {setpoint_topic(name): Float64 for name in CYLINDERS}
 _PRESSURES = {pressure_topic(name): FluidPressure for name in CYLINDERS}
 
 
 class _WithNode(Kind):
-    """Something that is sent to a node."""
+    """A kind of inputs that are sent to a node."""
 
     def __init__(self, make: Callable[..., Node], parameters: Mapping[str, Any] | None = None) -> None:
         self._make, self._parameters = make, parameters or {}
 
     def start(self, folder: Path) -> None:
-        """Start the node, and who sends."""
+        """Start the node and the sender."""
         self._context = Context()
         rclpy.init(context=self._context, args=[], signal_handler_options=SignalHandlerOptions.NO)
         overrides = [NodeParameter(name, value=value) for name, value in self._parameters.items()]
@@ -90,7 +94,7 @@ class _WithNode(Kind):
         set_logger_level('fuzzed', LoggingSeverity.FATAL)
         self._node = self._make(namespace='/fuzzed', context=self._context, parameter_overrides=overrides)
         warn_of_undeclared(self._node)
-        self._client = Node('stranger', namespace='/fuzzed', context=self._context)
+        self._client = Node('sender', namespace='/fuzzed', context=self._context)
         self._executor = Executor(context=self._context)
         self._executor.add_node(self._node)
         self._executor.add_node(self._client)
@@ -98,10 +102,10 @@ class _WithNode(Kind):
 
     @abstractmethod
     def _connect(self) -> None:
-        """Open what is sent with, and wait until it arrives."""
+        """Create publishers or clients, and wait for the connection."""
 
     def stop(self) -> None:
-        """End the node."""
+        """End the node and the sender."""
         self._executor.shutdown(timeout_sec=1.0)
         self._node.destroy_node()
         self._client.destroy_node()
@@ -111,22 +115,22 @@ class _WithNode(Kind):
         limit = time.monotonic() + patience
         while not condition():
             if time.monotonic() > limit:
-                raise Fault('what is sane is not answered any more')
+                raise Fault('the node does not answer a valid input any more')
             self._executor.spin_once(timeout_sec=0.5)
 
 
 class Messages(_WithNode):
     """
-    Serialised messages, after each of which a sane one has to be answered with finite numbers.
+    Serialised messages; after each the node must answer a valid message with finite numbers.
 
     Parameters
     ----------
     make, parameters
-        Makes the node, with some of its parameters.
+        Class of the node, and its parameters.
     inputs
-        Topics, and their types.
+        Types of the messages by topic.
     answer
-        Topic of the answers; none where it is asked how much was written.
+        Topic of the answers; empty for a recorder, of which written messages are counted.
 
     """
 
@@ -143,42 +147,42 @@ class Messages(_WithNode):
 
     def _connect(self) -> None:
         self._outs = {topic: self._client.create_publisher(kind, topic, _QUEUE) for topic, kind in self._inputs.items()}
-        self._heard: list[FluidPressure] = []
+        self._received: list[FluidPressure] = []
         if self._answer:
-            self._client.create_subscription(FluidPressure, self._answer, self._heard.append, _QUEUE)
+            self._client.create_subscription(FluidPressure, self._answer, self._received.append, _QUEUE)
         self._stamp, self._sent = 10**18, 0
         self._until(lambda: all(out.get_subscription_count() for out in self._outs.values()), 60.0)
         self._until(lambda: not self._answer or self._client.count_publishers(f'/fuzzed/{self._answer}'), 60.0)
-        time.sleep(0.5)  # until the other side has met us, too
-        self._ask()
+        time.sleep(0.5)  # until the node has discovered the sender
+        self._check_answer()
 
     def valid(self, rng: Random) -> Input:
-        """Return a message as devices send it."""
+        """Return a message of a device."""
         topic = rng.choice(list(self._inputs))
-        return Input({topic: bytes(serialize_message(self._sane(topic, rng)))})
+        return Input({topic: bytes(serialize_message(self._valid_message(topic, rng)))})
 
     def changed(self, parent: Input, rng: Random) -> Input:
-        """Return a message with other bytes."""
+        """Return a message with changed bytes."""
         ((topic, content),) = parent.files.items()
         changed = mutated(content, rng, BINARY)
         return parent.changed(topic, changed[: len(content)] if self._inputs[topic] is Float64 else changed)
 
-    def give(self, one: Input) -> str:
-        """Send it, and something sane after it."""
-        ((topic, content),) = one.files.items()
+    def give(self, case: Input) -> str:
+        """Send the input, and then a valid message."""
+        ((topic, content),) = case.files.items()
         before = self._counts()
         self._publish(topic, content)
-        self._ask()
-        if self._answer and not self.parses(one):  # a recorder takes it anyway
-            raise InputError(f'{topic} is none of its type')
+        self._check_answer()
+        if self._answer and not self.parses(case):  # a recorder records any message
+            raise InputError(f"{topic}: the message is not of the topic's type")
         ignored = [name for name, count in self._counts().items() if count != before.get(name, 0)]
         if any(name.startswith('ignored') for name in ignored):
             raise InputError(f'{topic} {", ".join(ignored)}')
         return f'{topic} {", ".join(ignored)}'
 
-    def parses(self, one: Input) -> bool:
-        """Return whether it is a message of its type."""
-        ((topic, content),) = one.files.items()
+    def parses(self, case: Input) -> bool:
+        """Return whether the input is a message of the topic's type."""
+        ((topic, content),) = case.files.items()
         kind = self._inputs[topic]
         try:
             Layout(content, standard_types(), f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}', Serialization.CDR)
@@ -187,12 +191,12 @@ class Messages(_WithNode):
         return True
 
     def stop(self) -> None:
-        """End the node; what a recorder has heard has to be in its bag."""
+        """End the node; the bag of a recorder must have all sent messages."""
         super().stop()
         if not self._answer:
             with Reader(self._bag) as reader:
                 if reader.message_count != self._sent:
-                    raise Fault(f'{reader.message_count} messages are in the bag, of {self._sent}')
+                    raise Fault(f'the bag has {reader.message_count} of {self._sent} messages')
 
     def _counts(self) -> dict[str, int]:
         return dict(self._node._health.counts) if hasattr(self._node, '_health') else {}
@@ -201,12 +205,12 @@ class Messages(_WithNode):
         self._outs[topic].publish(message)
         self._sent += 1
 
-    def _sane(self, topic: str, rng: Random | None = None) -> Any:
-        """Return a message that is as it should be, one of several such for a generator."""
+    def _valid_message(self, topic: str, rng: Random | None = None) -> Any:
+        """Return a valid message, random if a generator is given."""
         message = self._inputs[topic]()
         number = rng.random() if rng else 0.5
         if isinstance(message, Float64):
-            message.data = _SANE.get(topic, 3e4) * (1.0 + 0.1 * number)
+            message.data = _VALID_VALUES.get(topic, 3e4) * (1.0 + 0.1 * number)
             return message
         message.header.stamp = stamp_message(self._stamp)
         if isinstance(message, JointState):
@@ -216,27 +220,27 @@ class Messages(_WithNode):
             message.fluid_pressure = AMBIENT_PRESSURE + 5e4 + 100.0 * number
         return message
 
-    def _ask(self) -> None:
-        """Send what is sane, and wait for a sane answer."""
+    def _check_answer(self) -> None:
+        """Send valid messages, wait for the answer, and check that the answer is finite."""
         self._stamp += _MILLISECOND
-        heard = len(self._heard)
-        asked = [topic for topic, kind in self._inputs.items() if kind is not Float64] or [PISTON_COMMAND]
-        for topic in asked:
-            self._publish(topic, self._sane(topic))
+        received = len(self._received)
+        topics = [topic for topic, kind in self._inputs.items() if kind is not Float64] or [PISTON_COMMAND]
+        for topic in topics:
+            self._publish(topic, self._valid_message(topic))
         if not self._answer:
             self._until(lambda: self._node._written == self._sent)  # type: ignore[attr-defined]
             return
-        if PISTON_STATE in asked:
-            self._until(lambda: self._heard and nanoseconds(self._heard[-1].header.stamp) == self._stamp)
+        if PISTON_STATE in topics:
+            self._until(lambda: self._received and nanoseconds(self._received[-1].header.stamp) == self._stamp)
         else:
-            self._until(lambda: len(self._heard) > heard)
-        if not all(math.isfinite(answer.fluid_pressure) for answer in self._heard):
-            raise Fault('what is sane is answered with no number')
-        self._heard.clear()
+            self._until(lambda: len(self._received) > received)
+        if not all(math.isfinite(answer.fluid_pressure) for answer in self._received):
+            raise Fault('the answer to a valid message is not finite')
+        self._received.clear()
 
 
 class Parameters(_WithNode):
-    """Requests to a node's services for parameters: each is to be answered, and no number taken that is none."""
+    """Requests to a node's parameter services: each must be answered, and non-finite numbers refused."""
 
     def __init__(self, make: Callable[..., Node], parameters: Mapping[str, Any] | None = None) -> None:
         super().__init__(make, parameters)
@@ -244,74 +248,75 @@ class Parameters(_WithNode):
 
     def _connect(self) -> None:
         self._service = self._client.create_client(SetParameters, f'{self._node.get_name()}/set_parameters')
-        self._asked = {
-            kind: self._client.create_client(kind, f'{self._node.get_name()}/{name}') for kind, name in _ASKED.items()
+        self._read_clients = {
+            kind: self._client.create_client(kind, f'{self._node.get_name()}/{name}')
+            for kind, name in _SERVICES.items()
         }
-        for client in (self._service, *self._asked.values()):
+        for client in (self._service, *self._read_clients.values()):
             self._until(client.service_is_ready, 60.0)
-        time.sleep(0.5)  # until the other side has met us, too
-        self._own = {name: one.get_parameter_value() for name, one in self._node._parameters.items()}
-        self._names = sorted(self._own)
-        self._free = [name for name in self._names if not self._node.describe_parameter(name).read_only]
+        time.sleep(0.5)  # until the node has discovered the sender
+        self._initial = {name: parameter.get_parameter_value() for name, parameter in self._node._parameters.items()}
+        self._names = sorted(self._initial)
+        self._writable = [name for name in self._names if not self._node.describe_parameter(name).read_only]
 
     def valid(self, rng: Random) -> Input:
-        """Return a request for values that the node began with."""
-        names = rng.sample(self._free, min(rng.choice((1, 1, 2, 4)), len(self._free)))  # each once
-        return _requested(Parameter(name=name, value=self._own[name]) for name in names)
+        """Return a request that sets initial values."""
+        names = rng.sample(self._writable, min(rng.choice((1, 1, 2, 4)), len(self._writable)))  # without repetition
+        return _request_of(Parameter(name=name, value=self._initial[name]) for name in names)
 
     def changed(self, parent: Input, rng: Random) -> Input:
-        """Return a request with another value, or another name."""
+        """Return a request with a changed value or name."""
         request = deserialize_message(parent.files['request'], SetParameters.Request)
         request.parameters = request.parameters or [Parameter()]
-        one = rng.choice(request.parameters)
+        parameter = rng.choice(request.parameters)
         if rng.random() < 0.1:
-            one.name = rng.choice((rng.choice(self._names), *map(_text, TEXTS)))
+            parameter.name = rng.choice((rng.choice(self._names), *map(_text, TEXTS)))
         elif rng.random() < 0.8:
-            _vary(one.value, rng)
+            _vary(parameter.value, rng)
         else:
-            one.value = ParameterValue(type=rng.choice((*range(11), 255)))
-            _vary(one.value, rng)
-        return Input(_requested(request.parameters).files, whole=False)
+            parameter.value = ParameterValue(type=rng.choice((*range(11), 255)))
+            _vary(parameter.value, rng)
+        return Input(_request_of(request.parameters).files, whole=False)
 
-    def give(self, one: Input) -> str:
-        """Send it, and look at the answer."""
-        request = deserialize_message(one.files['request'], SetParameters.Request)
+    def give(self, case: Input) -> str:
+        """Send the request and check the answer."""
+        request = deserialize_message(case.files['request'], SetParameters.Request)
         future = self._service.call_async(request)
         self._until(future.done)
         names = [parameter.name for parameter in request.parameters]
-        for kind, client in self._asked.items():  # an answer of any kind will do
+        for kind, client in self._read_clients.items():  # any answer is right
             self._until(client.call_async(kind.Request(**{_FIELDS[kind]: names * 2})).done)
         results = future.result().results
         if len(results) != len(request.parameters):
             raise Fault(f'{len(results)} answers to {len(request.parameters)} parameters')
         for parameter, result in zip(request.parameters, results):
-            taken = result.successful and 0 < parameter.value.type < 10
-            value = parameter_value_to_python(parameter.value) if taken else None
+            is_set = result.successful and 0 < parameter.value.type < 10
+            value = parameter_value_to_python(parameter.value) if is_set else None
             numbers = value if isinstance(value, list) else [value]
             if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
-                raise Fault(f'{parameter.name} is taken: {numbers[:4]}')
+                raise Fault(f'{parameter.name} is set to numbers that are not finite: {numbers[:4]}')
         if not all(map(self._node.has_parameter, self._names)):
-            raise Fault('a parameter is gone')
+            raise Fault('a parameter does not exist any more')
         reasons = ' '.join(result.reason for result in results if not result.successful)
         if reasons:
             raise InputError(reasons)
         return ''
 
-    def parses(self, one: Input) -> bool:
-        """Return whether all are parameters of the node, and of their types."""
-        request = deserialize_message(one.files['request'], SetParameters.Request)
+    def parses(self, case: Input) -> bool:
+        """Return whether all names are parameters of the node, with values of their types."""
+        request = deserialize_message(case.files['request'], SetParameters.Request)
         return all(
-            parameter.name in self._own and parameter.value.type == self._own[parameter.name].type
+            parameter.name in self._initial and parameter.value.type == self._initial[parameter.name].type
             for parameter in request.parameters
         )
 
 
-def _requested(parameters: Any) -> Input:
+def _request_of(parameters: Any) -> Input:
     return Input({'request': bytes(serialize_message(SetParameters.Request(parameters=list(parameters))))})
 
 
 def _vary(value: ParameterValue, rng: Random) -> None:
-    """Change a value, but not its type."""
+    """Change a value without its type."""
     number = rng.choice(DOUBLES) if rng.random() < 0.5 else value.double_value * rng.choice((-1.0, 0.5, 2.0, 1e6))
     value.bool_value = rng.random() < 0.5
     value.double_value = number
@@ -332,7 +337,7 @@ def _module(make: Callable[..., Node]) -> str:
 
 
 def kinds() -> list[Kind]:
-    """Return all kinds of what nodes are sent."""
+    """Return all kinds of inputs of nodes."""
     recorded = {'topics': [f'/fuzzed/{PISTON_STATE}', f'/fuzzed/{MEASURED_FORCE}']}
     learning = {'learning': 2.0, 'block': 0.02}
     piston = {PISTON_STATE: JointState, **_SETPOINTS}

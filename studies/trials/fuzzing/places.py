@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may be at the path of an output folder: mounts, links, other rights, runs of somebody else."""
+"""Try output paths with mounts, links, unusual rights, or runs of another user."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from subprocess import DEVNULL, CalledProcessError, check_call
 from tempfile import TemporaryDirectory
 
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
-from studies.trials.fuzzing.strangers import ResultFolders, folder_of
+from studies.trials.fuzzing.untrusted_inputs import ResultFolders, folder_of
 
-_STRANGER = 1234
+_FOREIGN_USER = 1234
 _LIST = struct.pack('<I', 2) + b''.join(
     struct.pack('<HHi', *entry)
-    for entry in ((0x01, 7, -1), (0x02, 5, _STRANGER), (0x04, 5, -1), (0x10, 5, -1), (0x20, 5, -1))
+    for entry in ((0x01, 7, -1), (0x02, 5, _FOREIGN_USER), (0x04, 5, -1), (0x10, 5, -1), (0x20, 5, -1))
 )
-"""An access control list by which somebody else may read; the mode is that of a new folder."""
+"""An access control list that lets another user read; the mode is that of a new folder."""
 
 _LISTS = {'list': 'system.posix_acl_access', 'inherited list': 'system.posix_acl_default'}
 _WRITABLE = ('nothing', 'nothing above', 'folder', 'link to a folder', 'mode', 'owner', *_LISTS)
@@ -40,12 +40,12 @@ _REFUSED = (
 
 
 class ResultPlaces(ResultFolders):
-    """Places of output folders: each stays what it is and keeps its rights, whether results are written or refused."""
+    """Places of output folders; each must keep its kind and rights, with written or refused results."""
 
     name = 'places of results'
 
     def start(self, folder: Path) -> None:
-        """Find out which places can be made here."""
+        """Find the places that can be made on this machine."""
         super().start(folder)
         self._origin = folder
         self._places: list[str] = []
@@ -54,37 +54,37 @@ class ResultPlaces(ResultFolders):
                 self._places.append(place)
 
     def valid(self, rng: Random) -> Input:
-        """Return a place that can be written, and what is in the folder."""
+        """Return a writable place and the entries of the folder."""
         places = [place for place in self._places if place not in _REFUSED]
-        return _at(rng.choice(places), super().valid(rng), whole=True)
+        return _input_at(rng.choice(places), super().valid(rng), whole=True)
 
     def changed(self, parent: Input, rng: Random) -> Input:
-        """Return a place, perhaps of a folder with other entries."""
+        """Return a place, sometimes with changed entries of the folder."""
         entries = super().changed(parent, rng) if rng.random() < 0.5 else parent
-        return _at(rng.choice(self._places), entries, whole=False)
+        return _input_at(rng.choice(self._places), entries, whole=False)
 
-    def give(self, one: Input) -> str:
+    def give(self, case: Input) -> str:
         """Write results to the place."""
-        place = one.files['place'].decode()
-        with self._made(place, one):
+        place = case.files['place'].decode()
+        with self._made(place, case):
             before = _state_of(self.folder)
             try:
-                self.write(one)
+                self.write(case)
             finally:
                 if before is not None and _state_of(self.folder) != before:
-                    raise Fault(f'{place}: it is something else now, or has other rights')
+                    raise Fault(f'{place}: kind or rights of the place have changed')
         return place
 
     @contextmanager
-    def _made(self, place: str, one: Input) -> Iterator[None]:
+    def _made(self, place: str, case: Input) -> Iterator[None]:
         with TemporaryDirectory(dir=self._origin) as top, ExitStack() as ending:
             self.top = Path(top)
             self.folder = self.top / 'parent' / 'out'
             self.folder.parent.mkdir()
-            self._make(place, one, ending)
+            self._make(place, case, ending)
             yield
 
-    def _make(self, place: str, one: Input, ending: ExitStack) -> None:
+    def _make(self, place: str, case: Input, ending: ExitStack) -> None:
         folder, self.real = self.folder, self.top / 'real'
         if place.startswith('file'):
             folder.write_text('mine', encoding='utf-8')
@@ -105,7 +105,7 @@ class ResultPlaces(ResultFolders):
         elif place == 'bound folder':
             self.real.mkdir()
             _mount(folder, ending, '--bind', str(self.real))
-        self.fill(folder, one)
+        self.fill(folder, case)
         if place == 'full disk':
             with suppress(OSError):
                 (folder / 'ballast').write_bytes(bytes(2**17))
@@ -120,7 +120,7 @@ class ResultPlaces(ResultFolders):
         elif place == 'mode':
             folder.chmod(0o2770)
         elif place == 'owner':
-            os.chown(folder, _STRANGER, -1)
+            os.chown(folder, _FOREIGN_USER, -1)
         elif place in _LISTS:
             os.setxattr(folder, _LISTS[place], _LIST)
 
@@ -136,19 +136,19 @@ def _mount_read_only(folder: Path, ending: ExitStack) -> None:
 
 
 def _state_of(path: Path) -> tuple[object, ...] | None:
-    """Return what is at a path and who may do what with it; None if nothing is."""
+    """Return kind, owner and rights of a path; None if the path does not exist."""
     if not os.path.lexists(path):
         return None
-    found, names = path.lstat(), os.listxattr(path, follow_symlinks=False)
+    status, names = path.lstat(), os.listxattr(path, follow_symlinks=False)
     lists = [os.getxattr(path, name) for name in _LISTS.values() if name in names]
-    return found.st_mode, found.st_uid, found.st_gid, os.path.ismount(path), lists
+    return status.st_mode, status.st_uid, status.st_gid, os.path.ismount(path), lists
 
 
-def _at(place: str, entries: Input, *, whole: bool) -> Input:
+def _input_at(place: str, entries: Input, *, whole: bool) -> Input:
     about = {} if place in _WITHOUT_FOLDER else entries.about
     return Input({**folder_of(about).files, 'place': place.encode()}, about, whole)
 
 
 def kinds() -> list[Kind]:
-    """Return the kind."""
+    """Return the kinds of this module."""
     return [ResultPlaces()]

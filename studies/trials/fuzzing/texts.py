@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Texts: tables, mappings, parameters, schedules, definitions, reports, a bag's metadata."""
+"""Try text files: tables, mappings, parameters, schedules, message definitions, reports."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ TABLES = (
     ''.join(f'{10 * i} {0.1 * i:.3f} {1 + 0.01 * i:.4f} {200 + i} {i % 5}\n' for i in range(40)),
     't,x,p,q,f\n' + ''.join(f'{0.01 * i:.2f},{1e-4 * i:.5f},{10 + 0.1 * i:.3f},{2e5 + i},{i % 7}\n' for i in range(40)),
 )
-"""A table for each of the first mappings; the last one is for bags."""
+"""A table for each of the first mappings; the last mapping is for bags."""
 
 PARAMETERS = """\
 /**:
@@ -106,24 +106,24 @@ DEFINITIONS = (
 
 class Text(Kind):
     """
-    Texts in a file.
+    Text files of a format.
 
     Parameters
     ----------
     name
-        Of the kind.
+        Name of the kind.
     file
         Name of the file.
     seeds
-        Returns valid ones; each may have further files beside it, which are not changed.
+        Function that returns valid texts, each with further files that are not changed.
     read
-        Reads the file.
+        Function that reads the file.
     parse
-        Is what any parser of the format has to take it for; it raises something where it is none.
+        Parser of the format; raises an exception if a text is not of the format.
     mutators
-        Change it.
+        Functions that change the text.
     names_types
-        Whether messages may name types that the file does.
+        Whether error messages may name the types in the file.
 
     """
 
@@ -141,42 +141,42 @@ class Text(Kind):
         self._file, self._seeds, self._read, self._parse = file, seeds, read, parse
 
     def start(self, folder: Path) -> None:
-        """Make the valid ones."""
+        """Make the valid texts."""
         self._path = folder / self._file
         self._valid = [
-            Input({name: text.encode() for name, text in one.items()}, about=f'{number}')
-            for number, one in enumerate(self._seeds(folder))
+            Input({name: text.encode() for name, text in files.items()}, about=f'{number}')
+            for number, files in enumerate(self._seeds(folder))
         ]
         self._written: dict[str, bytes] = {}
 
     def valid(self, rng: Random) -> Input:
-        """Return one that is as a user has it."""
+        """Return a valid text."""
         return rng.choice(self._valid)
 
     def changed(self, parent: Input, rng: Random) -> Input:
-        """Return it with its file changed."""
+        """Return the input with a changed file."""
         return parent.changed(self._file, mutated(parent.files[self._file], rng, self._mutators))
 
-    def give(self, one: Input) -> str:
-        """Let it be read."""
-        for name, content in one.files.items():
+    def give(self, case: Input) -> str:
+        """Read the file."""
+        for name, content in case.files.items():
             if self._written.get(name) != content:
                 self._path.with_name(name).write_bytes(content)
-        self._written = one.files
+        self._written = case.files
         try:
             self._read(self._path)
         except InputError as error:
-            said = without_quotations(str(error))  # of a table's cell
-            if not self._names_types and any(SECRET[at : at + 6].decode() in said for at in range(len(SECRET) - 5)):
-                raise Fault(f'a file is quoted: {error}') from error
+            message = without_quotations(str(error))  # cells of a table may be quoted
+            if not self._names_types and any(SECRET[at : at + 6].decode() in message for at in range(len(SECRET) - 5)):
+                raise Fault(f'the error quotes a file: {error}') from error
             raise
         return ''
 
-    def parses(self, one: Input) -> bool:
-        """Return whether it is of its format."""
+    def parses(self, case: Input) -> bool:
+        """Return whether the text is of its format."""
         try:
-            self._parse(one.files[self._file].decode('utf-8-sig'))
-        except Exception:  # whatever the parser has for it
+            self._parse(case.files[self._file].decode('utf-8-sig'))
+        except Exception:  # the parser raises many types of exceptions
             return False
         return True
 
@@ -202,7 +202,7 @@ def _table(file: Path) -> None:
 
 
 def _rows(text: str) -> None:
-    """Raise an error where a text is no table: one row of five numbers or more below its header."""
+    """Raise ValueError if a text has no row of five finite numbers below its header."""
     delimiter = max(', ', key=text.count)
     rows = list(csv.reader(StringIO(text), delimiter=delimiter))
     if not any(len(row) >= 5 and all(map(math.isfinite, map(float, row))) for row in rows[1:]):
@@ -220,24 +220,24 @@ def _schedule(file: Path) -> None:
     schedule = written_schedule(file)
     for column in (schedule.positions, schedule.velocities, schedule.setpoints):
         if not np.isfinite(column).all():
-            raise Fault('a schedule goes beyond all numbers')
+            raise Fault('a schedule has numbers that are not finite')
 
 
 def _definition(file: Path) -> None:
-    text = file.read_bytes().decode(errors='replace')  # as a bag's reader does
-    told = MessageDefinition(MessageDefinitionFormat.MSG, text)
-    Definitions().for_topic([Connection(1, '/x', 'acme_msgs/msg/Press', told, '', 1, None, None)])  # type: ignore[arg-type]
+    text = file.read_bytes().decode(errors='replace')  # as the reader of bags does
+    definition = MessageDefinition(MessageDefinitionFormat.MSG, text)
+    Definitions().for_topic([Connection(1, '/x', 'acme_msgs/msg/Press', definition, '', 1, None, None)])  # type: ignore[arg-type]
 
 
 def _report(file: Path) -> None:
     sensing, stroke = read_report(file)
     Limits((0.0, 1e5), stroke)
     if not (0.0 <= sensing.pressure_noise < math.inf and 0.0 < sensing.sample_rate < math.inf):
-        raise Fault(f'a report tells {sensing}')
+        raise Fault(f'a report gives {sensing}')
 
 
 def _reports(folder: Path) -> Iterable[dict[str, str]]:
-    """Yield the report of an identification, without what plan_experiment does not read."""
+    """Yield the parts of an identification's report that plan_experiment reads."""
     write_report(identify([recording_of(record(paper_step()), 'step', 10**18)]), folder)
     report = json.loads((folder / 'report.json').read_text(encoding='utf-8'))
     yield {'report.json': json.dumps({name: report[name] for name in ('schema', 'recordings', 'cylinders')}, indent=1)}
@@ -253,7 +253,7 @@ def kinds() -> list[Kind]:
         Text(
             'message definitions',
             'Press.msg',
-            lambda _: [{'Press.msg': one} for one in DEFINITIONS],
+            lambda _: [{'Press.msg': text} for text in DEFINITIONS],
             _definition,
             lambda text: get_types_from_msg(text, 'acme_msgs/msg/Press'),
             DEFINITION,
