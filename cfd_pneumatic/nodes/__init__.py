@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.nodes.messages import OUTPUT_QOS, SAMPLE_QOS, nanoseconds, stamp_message
     from cfd_pneumatic.nodes.monitor_node import MonitorNode
     from cfd_pneumatic.nodes.parameters import warn_of_undeclared
+    from cfd_pneumatic.nodes.rclpy_patches import patch_rclpy
     from cfd_pneumatic.nodes.recorder_node import RecorderNode
     from cfd_pneumatic.nodes.rig_node import RigNode
     from cfd_pneumatic.nodes.samples import message_class

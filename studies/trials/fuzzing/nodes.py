@@ -52,6 +52,7 @@ from cfd_pneumatic.nodes import (
     RigNode,
     SimNode,
     nanoseconds,
+    patch_rclpy,
     stamp_message,
     warn_of_undeclared,
 )
@@ -85,6 +86,7 @@ class _WithNode(Kind):
 
     def start(self, folder: Path) -> None:
         """Start the node and the sender."""
+        patch_rclpy()
         self._context = Context()
         rclpy.init(context=self._context, args=[], signal_handler_options=SignalHandlerOptions.NO)
         overrides = [NodeParameter(name, value=value) for name, value in self._parameters.items()]
