@@ -36,7 +36,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture notebook kernel prose lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -116,11 +116,15 @@ kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a
 	$(PY) -m cfd_pneumatic.generator
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
 
-lint: $(VENV)/.with-lint  ## check style and types
+prose: $(VENV)/.ready  ## check names and texts against the style guide: studies/tools/prose_rules.py
+	$(PY) -m studies.tools.prose
+
+lint: $(VENV)/.with-lint  ## check style, types, names and texts
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(PY) -m ament_flake8.main --config setup.cfg .
+	$(PY) -m studies.tools.prose
 
 format: $(VENV)/.with-lint  ## put the code into the common style
 	$(PY) -m ruff check --fix .

@@ -58,7 +58,20 @@ TOLERANCE = 1e-9
 MEASURED = ('friction', 'rerun')
 """Folders of measured runs."""
 
-TEXTS = ('fix', 'look_at', 'message', 'next_experiment', 'next_plan', 'notes', 'on', 'reason', 'what', 'why')
+TEXTS = (
+    'fix',
+    'look_at',
+    'message',
+    'next_experiment',
+    'next_plan',
+    'no_test_part',
+    'notes',
+    'on',
+    'reason',
+    'what',
+    'why',
+    'words',
+)
 """Keys of report.json whose values are sentences for people."""
 
 _MOST_SHOWN = 20  # differences

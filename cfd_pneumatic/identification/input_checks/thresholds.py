@@ -202,7 +202,7 @@ LEAST_STEP_SHARE = 0.01
 MOST_REPORTED_STEPS = 20
 """Most steps that a message names [1]. Origin: not known (5 before commit 2fd63b5)."""
 
-# Suspect samples: samples.py
+# Samples that no working sensor gives: samples.py
 
 LONGEST_SPIKE = 3
 """Most samples of a leap out and back [samples]. Origin: not known."""
