@@ -13,7 +13,7 @@ from measured import needs_measured_data
 
 from studies.documents.tutorial import PAGE, PICTURE, blocks, run
 
-TEXT = ' '.join(PAGE.read_text(encoding='utf-8').split())
+TEXT = ' '.join(PAGE.read_text(encoding='utf-8').replace('\n> ', ' ').split())  # quoted lines, too
 REAL = 'A real cylinder'
 
 

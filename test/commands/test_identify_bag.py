@@ -207,7 +207,7 @@ def test_a_gain_that_is_not_identifiable_is_so_everywhere(tmp_path, capsys):
         told = {name: [estimates[name]['value']] for name in NAMES if name not in untold}
         assert {name: written[cylinder][name] for name in told} == told
         assert written[cylinder].get('not_identifiable', []) == untold
-    assert re.search(r'k_sv: \[\S+\]  # 1/s; not identifiable, as the fit used it: ', text)
+    assert re.search(r'k_sv: \[\S+\]  # 1/s; not identifiable, value assumed in the fit: ', text)
 
 
 def test_a_part_of_each_recording_may_be_identified(bag, tmp_path, capsys):

@@ -152,7 +152,7 @@ def test_at_one_set_point_data_sheets_stand_in():
     result = identify([recording_of(drawn)], Options(core='physical')).cylinders['cylinder_a']
     told = result.parameters('physical_core')
     for name in ('supply', 'critical_ratio', 'supply_growth', 'relief_growth'):
-        assert 'data sheet' in told[name].reason
+        assert 'data-sheet' in told[name].reason
 
 
 def test_what_was_identified_is_what_its_file_simulates(tmp_path):

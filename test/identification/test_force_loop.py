@@ -165,7 +165,7 @@ def test_one_set_point_does_not_tell_area_or_factor():
     assert closure.effects[0] == 'seal_friction'
     assert closure.area == 1.14e-3
     assert not found['area'].identifiable
-    assert 'one set-point' in found['area'].reason
+    assert 'the same set-point' in found['area'].reason
     assert '1140.0 mm^2' in found['area'].reason
     assert not found['geometric_factor'].identifiable
     assert 'product' in found['geometric_factor'].reason
@@ -303,7 +303,7 @@ def test_the_area_is_known_without_closing_the_loop():
     geometry = identify([geared]).geometry
     assert geometry.area == pytest.approx(1.5 * AREA, rel=0.01)
     assert geometry.factor == 1.0
-    assert 'one set-point' in geometry.note
+    assert 'the same set-point' in geometry.note
     for factor in (1.5, -1.5):
         force = Signal(recording.force.times, factor * recording.force.values)
         known = identify([replace(recording, force=force)], Options(geometric_factor=factor)).geometry

@@ -113,7 +113,7 @@ def test_a_pressure_that_comes_before_its_piston_is_suspect():
     conclusion = found.cylinders['cylinder_a'].conclusion
     assert (conclusion.effects, conclusion.status) == (('transport_delay',), 'hypothesis')
     (told,) = (one for one in found.notices if one.code == 'size_suspect')
-    assert 'a delay of -10 ms has the pressure come before the piston' in told.message
+    assert 'the pressure leads the displacement: its delay is -10 ms' in told.message
 
 
 @pytest.mark.parametrize(('pressure', 'verdict'), [(100.0, 'unexplained'), (2000.0, 'no_missing_effect')])

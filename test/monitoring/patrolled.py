@@ -102,7 +102,7 @@ class Patrol:
     def go_on(self, seconds: float, spoil: Spoil = lambda sample: sample) -> Patrol:
         """Hear so many seconds, look after the watch each tenth of one."""
         for _ in range(round(seconds * 10)):
-            for sample in samples(self.performance.take(RATE // 10)):
+            for sample in samples(self.performance.advance(RATE // 10)):
                 self.now = (sample.stamp - EPOCH) * 1e-9
                 spoilt = spoil(sample)
                 if spoilt is not None:

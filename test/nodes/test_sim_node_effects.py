@@ -114,8 +114,8 @@ def sim(shared: SimClient) -> SimClient:
 def compiled() -> list[int]:
     """Return how many versions of each of the model's functions there are."""
     functions = (
-        *(composed.step, composed.rest, composed.follow, composed.read),
-        *(composed.step_force, composed.rest_force),
+        *(composed.step, composed.set_to_rest, composed.propagate, composed.read_sensor),
+        *(composed.step_force, composed.set_force_to_rest),
         *(propagation.advance, propagation.interpolate_gains),
     )
     return [len(function.signatures) for function in functions]
