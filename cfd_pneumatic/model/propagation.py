@@ -122,7 +122,7 @@ def interpolate_gains(table, setpoint):
 @inlined
 def transition(gain, inverse_tau, h):
     """
-    Return the transition of a branch over h seconds.
+    Return the 2 x 2 matrix exponential that moves the two states (u, w) of a branch over h seconds.
 
     Series are summed in pairs, because a processor computes pairs in parallel. Growing exponentials are never formed,
     so that a stiff system does not overflow over a long step.
@@ -426,7 +426,7 @@ def flushed_to_zero(value):
 
 @inlined
 def write_sample(i, value, pressure, carried, jacobian):
-    """Write the pressure of a sample and, if requested, its derivatives by `SENSITIVITIES`."""
+    """Write `value` into `pressure[i]` and, if requested, its derivatives into `jacobian[i]`."""
     pressure[i] = value
     if jacobian is not None:
         for k in range(4):

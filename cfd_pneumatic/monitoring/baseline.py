@@ -56,7 +56,7 @@ class NoiseModel:
         return weighted
 
     def innovations(self, weighted: Array, before: Array) -> Array:
-        """Whiten weighted residuals, shape (n,); residuals that are missing in `before` count as zero."""
+        """Whiten weighted residuals, shape (n,), given the residuals before them; missing ones count as zero."""
         order = self.coefficients.size
         history = np.concatenate([np.zeros(order), before])[before.size :]
         return whitened(np.concatenate([history, weighted]), self.coefficients)[order:]

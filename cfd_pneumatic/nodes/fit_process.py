@@ -129,6 +129,7 @@ def _read_checked(path: Path, checksum: str | None) -> bytes:
         raise InputError(f'{path} {error}') from error
     if hashlib.sha256(content).hexdigest() != checksum:
         raise InputError(
-            f'{path} was changed after this identification: use a folder that no other program writes to, and try again'
+            f'{path}, a result of this identification, was changed by another program: set output_dir to a folder '
+            'that no other program writes to, and identify again'
         )
     return content

@@ -50,7 +50,7 @@ class Menu:
 
     @classmethod
     def from_signatures(cls, segments: Sequence[Segment], drawing: Drawing, signatures: Sequence[Signatures]) -> Menu:
-        """Return the menu from the signatures of all segments in succession."""
+        """Return the candidate segments of an experiment plan, each with the information that it would give."""
         lengths = tuple(drawing.duration(segment) for segment in segments)
         end = len(signatures[0].columns)
         begins = end - np.cumsum(lengths[::-1])[::-1]

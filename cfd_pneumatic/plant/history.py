@@ -77,7 +77,7 @@ class Device:
 
     @property
     def changes(self) -> list[Change]:
-        """The changes of the verdicts on all parts."""
+        """Return the changes of the verdicts from bag to bag, on all parts."""
         return [change for part in self.parts for change in part.changes]
 
 

@@ -49,7 +49,7 @@ class Drift:
 
 
 def index_page(rows: Sequence[Row]) -> str:
-    """Return the index page for all rows, which are in the order of the table."""
+    """Return the HTML page of a plant from the result table: verdicts, changes and drifts of each device."""
     plant = sorted(devices(rows), key=lambda device: _natural_key(device.name))
     entries = [_device_entry(rank, device) for rank, device in enumerate(plant, start=1)]
     return rendered(

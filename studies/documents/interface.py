@@ -79,7 +79,7 @@ class Endpoint(NamedTuple):
 
 
 def document() -> str:
-    """Return the document in Markdown."""
+    """Return docs/interface.md: every program, topic, service and parameter."""
     with tempfile.TemporaryDirectory() as folder, _nodes(Path(folder)) as nodes:
         return '\n\n'.join([*_opening(), *_programs(), *_topics(nodes), *_parameters(nodes), *_files()]) + '\n'
 

@@ -117,7 +117,7 @@ def swing(experiment: Experiment) -> tuple[float, float, float]:
 
 
 def document(data: Path) -> str:
-    """Return the section with the tables of the runs in a folder."""
+    """Identify measured runs; return the section on how well common models predict them, in Markdown."""
     friction, rerun = data / 'friction', data / 'rerun'
     runs = sorted([*friction.glob('*.csv'), *rerun.glob('*.csv')])
     alone = {

@@ -49,7 +49,7 @@ def _hump(at: Array, middle: float, width: float) -> Array:
 
 
 def _bent(read: Array, odd: ForceOddities) -> Array:
-    """Return the relative reading error of a cell that reads less by the bend for each newton."""
+    """Return the true curve of a bent load cell: its relative error at a reading."""
     return np.asarray(0.5 * (np.sqrt(1.0 - 4.0 * odd.bend * np.abs(read)) - 1.0))
 
 

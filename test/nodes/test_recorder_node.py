@@ -302,7 +302,7 @@ def test_a_folder_that_is_moved_meanwhile_is_reported_and_the_bag_is_complete_in
     before, after = tmp_path / 'before', tmp_path / 'after'
     printed = recorded_while(graph, before, storage, lambda: before.rename(after))
     assert f'the recording goes on, and the bag will be {after}/bag.' in printed
-    assert f'not at {before}/bag. It is complete: move or use {after}/bag' in printed.splitlines()[-1]
+    assert f'The bag is complete, but not at {before}/bag: move or use {after}/bag' in printed.splitlines()[-1]
     assert [len(found) for found in read_bag(after / 'bag').values()] == [100]
     assert os.listdir(after) == ['bag']
 

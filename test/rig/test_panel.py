@@ -197,9 +197,7 @@ def test_a_make_is_a_device_of_all_physics_whatever_is_wrong_with_it(make: str) 
         ),
         approach=leaking.truth.healthy.approach,
     )
-    frozen, whole = (
-        one.simulate(motion_of(twin.truth.schedule))[0].pressures for one in (linear, twin.truth.device)
-    )
+    frozen, whole = (one.simulate(motion_of(twin.truth.schedule))[0].pressures for one in (linear, twin.truth.device))
     assert np.max(np.abs(frozen - whole)) > 10.0 * FLOOR
 
 

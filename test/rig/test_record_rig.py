@@ -90,7 +90,7 @@ def test_the_same_seed_gives_the_same_surface(tmp_path: Path) -> None:
         (['paper_step', '--faults', 'leak'], "'faults': 'leak' must be NAME=NUMBER"),
         (
             ['paper_step', '--faults', 'seal.coulomb=1'],
-            "'faults': seal.coulomb cannot be a fault; use a value of effects_a",
+            "'faults': seal.coulomb cannot be a fault; give PART.NAME=NUMBER with a part of effects_a",
         ),
     ],
 )

@@ -391,7 +391,7 @@ class Channel(ABC):
         self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
     ) -> Mapping[str, float]:
         """
-        Return small heights of a characteristic, by place [SI]; places that are missing are not searched.
+        Return a small height of an unknown curve for each place: like the noise, or 1 % for factors.
 
         Parameters
         ----------

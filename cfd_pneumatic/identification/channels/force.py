@@ -382,7 +382,7 @@ class Force(Channel):
     def characteristic_units(
         self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
     ) -> Mapping[str, float]:
-        """Return the noise's size, and 1 % of the reading; empty if a wrong area looks like a characteristic."""
+        """Return a small height of an unknown curve for each place: like the noise, or 1 % for factors."""
         return {'force': noise, 'friction': noise, 'cell': 1e-2} if self._determines_constants(experiments) else {}
 
     def regressors(self, experiment: Experiment, simulated: Array, weight: Array) -> Regressors:

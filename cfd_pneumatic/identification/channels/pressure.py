@@ -473,7 +473,7 @@ class Pressure(Channel):
     def characteristic_units(
         self, experiments: Sequence[Experiment], model: Model, noise: float, most: Mapping[str, float]
     ) -> Mapping[str, float]:
-        """Return the size of the noise, 1 % for factors, and the valves' flow for an error like the noise."""
+        """Return a small height of an unknown curve for each place: like the noise, or 1 % for factors."""
         rate = float(model.parameters[1]) * noise
         leaks = dict.fromkeys(('leak', *ONE_WAY), rate / most['p'])
         shares = dict.fromkeys(('flow', 'gain', 'stiffness'), 1e-2)

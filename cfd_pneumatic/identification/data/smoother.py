@@ -291,7 +291,7 @@ def _stray_readings(steps: Array, values: Array, least: float) -> NDArray[np.boo
 
 
 def _steps_near(samples: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which steps are the two nearest on either side of a marked sample."""
+    """Return which steps are among the two before or the two after a marked sample."""
     near: NDArray[np.bool_] = maximum_filter1d(samples, 4)[1:]
     return near
 

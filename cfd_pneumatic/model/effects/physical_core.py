@@ -111,7 +111,7 @@ def density(
 def error(
     value, moment, heat, pressure, position, supply, b, opened, vented, n, warmth, walls, control, silencer, entrance
 ):
-    """Return the error [Pa] at which a relief valve without a silencer passes the same flow."""
+    """Return the error [Pa] that gives the flow of `value` through the silencer if there were no silencer."""
     opening = silencer * max(-value, 0.0)
     if some(opening > 0.0):
         behind = pressure_between(opening, moment.p, moment.ambient, b)

@@ -12,7 +12,7 @@ SMALLEST = 0.05
 
 @inlined
 def velocity_gain(k_x, moment, slope):
-    """Return K_x [Pa/m], inverse to the volume."""
+    """Return K_x [Pa/m] at the piston's present position: the constant `k_x` over the relative volume."""
     return k_x / max(1.0 + slope * moment.x, SMALLEST)
 
 
