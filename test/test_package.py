@@ -283,5 +283,5 @@ def test_where_nothing_can_run_is_one_line(tmp_path, name):
 @pytest.mark.parametrize('option', ['-h', '--help', '--version'])
 def test_behind_two_dashes_a_bag_may_be_called_like_an_option(tmp_path, monkeypatch, capsys, option):
     monkeypatch.chdir(tmp_path)
-    assert not start.told('identify_bag', ['--output', 'out', '--', option])
-    assert start.told('identify_bag', ['--output', 'out', option, '--', 'bag'])
+    assert not start.print_help_or_version('identify_bag', ['--output', 'out', '--', option])
+    assert start.print_help_or_version('identify_bag', ['--output', 'out', option, '--', 'bag'])

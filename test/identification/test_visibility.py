@@ -13,7 +13,7 @@ from reference import AMBIENT, PSI, step_like
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model
 from cfd_pneumatic.identification.residual.noise import Noise
-from cfd_pneumatic.identification.search import visibility as module
+from cfd_pneumatic.identification.search.thresholds import SHOWN, STRENGTH
 from cfd_pneumatic.identification.search.visible_effects import effects_not_visible
 from cfd_pneumatic.model import TABLE_1
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
@@ -134,7 +134,7 @@ def test_samples_that_do_not_count_show_nothing():
 def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment):
     """The pressure of a device that has the effect, without noise, fitted by one that hasn't."""
     made = with_pressure(experiment, MODEL)
-    data = {**CHANNEL.data([made], MODEL, [made.measured]), 'residual': module.STRENGTH * STD, 'lag': 0.0}
+    data = {**CHANNEL.data([made], MODEL, [made.measured]), 'residual': STRENGTH * STD, 'lag': 0.0}
     left = []
     for start in PRESSURE_EFFECTS[name].starts(data):
         with_it = with_pressure(experiment, model(GAINS, {name: start}))
@@ -142,9 +142,9 @@ def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment
         left.append(math.sqrt(np.mean((CHANNEL.simulated([with_it], without)[0] - with_it.measured) ** 2)))
     shows = name not in hidden(experiment)
     if shows:
-        assert max(left) > 0.8 * module.SHOWN * STD
+        assert max(left) > 0.8 * SHOWN * STD
     else:
-        assert max(left) < 1.2 * module.SHOWN * STD
+        assert max(left) < 1.2 * SHOWN * STD
 
 
 @pytest.mark.parametrize('seed', range(900, 903))

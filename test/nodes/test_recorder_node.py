@@ -196,7 +196,7 @@ def test_a_stranger_whose_name_is_no_text_keeps_nothing_from_being_recorded(grap
             out.publish(JointState(name=['piston'], position=[0.5]))
             time.sleep(0.02)
         process.stop()
-        assert 'name is not a text' in process.stderr
+        assert 'a name that is not a text' in process.stderr
     assert {one.position[0] for one in read_bag(bag)[topic]} == {0.5}
 
 

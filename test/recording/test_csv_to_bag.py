@@ -240,7 +240,7 @@ def test_a_mapping_for_bags_does_not_do(csv_to_bag, folder):
     )
     done = csv_to_bag('run.csv', '--mapping', 'mapping.yaml', '--output', 'bag')
     assert done.stderr == (
-        'csv_to_bag: error: mapping.yaml maps the topics of a bag: for a table it needs the entry `table`\n'
+        'csv_to_bag: error: mapping.yaml maps the topics of a bag. For a table, add the entry `table`\n'
     )
 
 

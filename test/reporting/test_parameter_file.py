@@ -92,7 +92,7 @@ def test_a_gain_that_is_not_identifiable_beside_effects_is_held_and_said():
     estimates = (*result.found.estimates[:2], doubtful, *result.found.estimates[3:])
     changed = replace(result, found=replace(result.found, estimates=estimates))
     text = identified_device(replace(closed(), channels={'cylinder_a': changed})).text
-    assert 'not identifiable, as the fit used it: not seen' in text
+    assert 'not identifiable, value assumed in the fit: not seen' in text
     block = yaml.safe_load(text)['/**']['ros__parameters']['cylinder_a']
     assert block['k_v'] == [result.found.model.parameters[2]]
 
@@ -113,7 +113,7 @@ def test_a_cylinder_that_was_not_recorded_is_switched_off(present, missing):
         (None, -1.5, {}, ['geometric_factor: -1.5']),
         (1e-3, None, {}, ['area: 0.001  # m^2; as given']),
         (5e-5, 1.0, {}, ['area: 5.0e-05  # m^2; as given\n', 'geometric_factor: 1.0 ']),
-        (None, None, {'force': 'force: it never changes'}, ['# area is left out: force: it never changes']),
+        (None, None, {'force': 'force: it never changes'}, ['# area is not given: force: it never changes']),
     ],
 )
 def test_the_geometry_stands_as_far_as_it_is_known(area, factor, unidentified, lines):
