@@ -88,5 +88,6 @@ def with_faults(device: RigParameters, faults: str) -> RigParameters:
         except ValueError as error:
             raise InputError(f"'faults': {fault!r} must be NAME=NUMBER, for example {EXAMPLE}") from error
         if name.partition('.')[0] not in CHANGEABLE:
-            raise InputError(f"'faults': {name} cannot be a fault; give PART.NAME=NUMBER with a part of {', '.join(CHANGEABLE)}")
+            parts = ', '.join(CHANGEABLE)
+            raise InputError(f"'faults': {name} cannot be a fault; give PART.NAME=NUMBER with a part of {parts}")
     return with_changes(device, changes)

@@ -114,7 +114,7 @@ def sim(shared: SimClient) -> SimClient:
 def compiled() -> list[int]:
     """Return how many versions of each of the model's functions there are."""
     functions = (
-        *(composed.step, composed.set_to_rest, composed.propagate, composed.read_sensor),
+        *(composed.step, composed.set_to_rest, composed.start_motion, composed.read_sensor),
         *(composed.step_force, composed.set_force_to_rest),
         *(propagation.advance, propagation.interpolate_gains),
     )

@@ -75,5 +75,7 @@ def read_metadata(path: Path) -> Metadata:
     files = tuple(path.parent / name for name in dict.fromkeys(names) if not name.startswith('.'))
     missing = sum(not file.exists() for file in files)
     if missing or not files:
-        raise InputError(f'{missing} of the {len(files)} files that it names are missing: copy the whole folder of the bag')
+        raise InputError(
+            f'{missing} of the {len(files)} files that it names are missing: copy the whole folder of the bag'
+        )
     return Metadata(files, storage, compression, remarks)  # type: ignore[arg-type]  # checked above
