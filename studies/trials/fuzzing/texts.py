@@ -226,7 +226,8 @@ def _schedule(file: Path) -> None:
 def _definition(file: Path) -> None:
     text = file.read_bytes().decode(errors='replace')  # as the reader of bags does
     definition = MessageDefinition(MessageDefinitionFormat.MSG, text)
-    Definitions().for_topic([Connection(1, '/x', 'acme_msgs/msg/Press', definition, '', 1, None, None)])  # type: ignore[arg-type]
+    connection = Connection(1, '/x', 'acme_msgs/msg/Press', definition, '', 1, None, None)  # type: ignore[arg-type]
+    Definitions().for_topic([connection])
 
 
 def _report(file: Path) -> None:
