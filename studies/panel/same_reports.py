@@ -68,6 +68,7 @@ TEXTS = (
     'notes',
     'on',
     'reason',
+    'refused',
     'what',
     'why',
     'words',
