@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.runtime.code_files import WARNED_FOLDER, is_trusted
     from cfd_pneumatic.runtime.code_files import read as read_code
     from cfd_pneumatic.runtime.code_files import write as write_code
-    from cfd_pneumatic.runtime.compiling import announced, compiler
+    from cfd_pneumatic.runtime.compiling import LOCK_FILE, announced, compiler, folder_lock
     from cfd_pneumatic.runtime.parallel import LIMIT, map_in_threads, threads
     from cfd_pneumatic.runtime.start import BAD_INPUT, HELP, INTERRUPTED, print_help_or_version
 else:

@@ -26,7 +26,7 @@ from cfd_pneumatic.runtime.compile_cache import CompileCache
 config._config_fname = os.devnull  # a settings file in the working folder could name a cache with malicious code
 config.reload_config()
 
-_LOCK_FILE = 'compiling.lock'
+LOCK_FILE = 'compiling.lock'
 _FIRST_REPORT, _REPORT_INTERVAL = 0.5, 1.0  # reports of waiting; repeated because a listener may start late [s]
 _POLL_INTERVAL = 0.02  # between two attempts to lock [s]
 
@@ -75,7 +75,7 @@ def _in_one_process(compile_: Callable[[Any], Any], cache: CompileCache) -> Call
             try:
                 if _depth > 1 or cache.cache_path is None:
                     return compile_(signature)
-                with _folder_lock(Path(cache.cache_path)), _garbage_collection_paused():
+                with folder_lock(Path(cache.cache_path)), _garbage_collection_paused():
                     return compile_(signature)
             finally:
                 _depth -= 1
@@ -96,11 +96,11 @@ def _garbage_collection_paused() -> Iterator[None]:
 
 
 @contextmanager
-def _folder_lock(folder: Path) -> Iterator[None]:
+def folder_lock(folder: Path) -> Iterator[None]:
     """Prevent other processes from compiling for a folder; without effect if the folder cannot be locked."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = open(folder / _LOCK_FILE, 'wb', opener=_open_lock)  # noqa: SIM115  # closed below
+        file = open(folder / LOCK_FILE, 'wb', opener=_open_lock)  # noqa: SIM115  # closed below
     except OSError:
         yield
         return

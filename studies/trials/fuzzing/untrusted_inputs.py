@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import stat
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -14,7 +16,7 @@ from random import Random
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import ResultFiles, marked
 from cfd_pneumatic.nodes import Folders, message_class
-from cfd_pneumatic.runtime import read_code, write_code
+from cfd_pneumatic.runtime import LOCK_FILE, folder_lock, read_code, write_code
 from studies.trials.fuzzing.campaign import Fault, Input, Kind
 from studies.trials.fuzzing.mutators import BINARY, TEXTS, WORDS, mutated
 
@@ -189,6 +191,75 @@ class CachedCode(Kind):
         return case.about in (None, 'open to all')
 
 
+class CompilerLock(Kind):
+    """Entries at the place of the compiler's lock; the compiler must neither wait nor change other files."""
+
+    name = 'lock of the compiler'
+    _KINDS = ('nothing', 'a file', 'a link to a file', 'a link to nowhere', 'a pipe', 'a folder', 'a loop')
+    _LONGEST = 5.0  # [s]
+
+    def start(self, folder: Path) -> None:
+        """Make the cache and a file of another user."""
+        self._lock, self._foreign = folder / 'cache' / LOCK_FILE, folder / 'foreign'
+        self._lock.parent.mkdir()
+        self._foreign.write_text(_FOREIGN_TEXT)
+        self._foreign.chmod(0o644)
+
+    def valid(self, rng: Random) -> Input:
+        """Return the lock as an earlier start of the program makes it."""
+        return Input({LOCK_FILE: b''}, about='a file 600')
+
+    def changed(self, parent: Input, rng: Random) -> Input:
+        """Return an entry of any kind, with any content and permissions."""
+        content = mutated(b'content of another program', rng, BINARY)
+        return Input({LOCK_FILE: content}, about=f'{rng.choice(self._KINDS)} {rng.randrange(0o1000):o}', whole=False)
+
+    def give(self, case: Input) -> str:
+        """Lock the folder, and try to lock it again."""
+        kind, _, mode = str(case.about).rpartition(' ')
+        self._make_entry(kind, int(mode, 8), case.files[LOCK_FILE])
+        begin = time.monotonic()
+        with folder_lock(self._lock.parent):
+            if time.monotonic() - begin > self._LONGEST:
+                raise Fault(f'{case.about} makes the compiler wait')
+            if kind in ('nothing', 'a file'):
+                self._check_lock()
+        if kind == 'a file' and self._lock.read_bytes() != case.files[LOCK_FILE]:
+            raise Fault('the content of the file is lost')
+        if self._foreign.read_text() != _FOREIGN_TEXT or stat.S_IMODE(self._foreign.stat().st_mode) != 0o644:
+            raise Fault(f'{case.about} changes the file of another user')
+        if kind not in ('nothing', 'a file'):
+            raise InputError('is compiled without a lock')
+        return ''
+
+    def _make_entry(self, kind: str, mode: int, content: bytes) -> None:
+        if self._lock.is_dir() and not self._lock.is_symlink():
+            self._lock.rmdir()
+        self._lock.unlink(missing_ok=True)
+        if kind == 'a file':
+            self._lock.write_bytes(content)
+            self._lock.chmod(mode)
+        elif kind == 'a pipe':
+            os.mkfifo(self._lock, mode)
+        elif kind == 'a folder':
+            self._lock.mkdir()
+        elif kind != 'nothing':
+            targets = {'a link to a file': str(self._foreign), 'a link to nowhere': 'nowhere', 'a loop': LOCK_FILE}
+            self._lock.symlink_to(targets[kind])
+
+    def _check_lock(self) -> None:
+        """Check that the lock is held, and that other users cannot open its file."""
+        if stat.S_IMODE(self._lock.stat().st_mode) != 0o600:
+            raise Fault('other users can lock the compiler')
+        with self._lock.open('rb') as file, suppress(BlockingIOError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            raise Fault('two programs compile at the same time')
+
+    def parses(self, case: Input) -> bool:
+        """Return True: no parser reads the lock."""
+        return True
+
+
 class ResultFolders(Kind):
     """Output folders with files and links of other users; none of their files may be lost or written."""
 
@@ -290,4 +361,4 @@ def folder_of(entries: dict[str, str]) -> Input:
 
 def kinds() -> list[Kind]:
     """Return all kinds of untrusted inputs."""
-    return [Paths(), TypeNames(), CachedCode(), ResultFolders()]
+    return [Paths(), TypeNames(), CachedCode(), CompilerLock(), ResultFolders()]
