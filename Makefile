@@ -60,10 +60,10 @@ properties: $(VENV)/.ready  ## run the property tests on random examples, twice 
 fuzz: $(VENV)/.ready $(VENV)/.with-fuzz  ## change valid inputs at random, and see what readers and nodes make of them; 2 minutes
 	$(PY) -m studies.trials.fuzz $(ARGS)
 
-measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measured_runs.md; a quarter of an hour
+measured-runs: $(VENV)/.ready  ## identify each measured run, write docs/measurements/measured_runs.md; a quarter of an hour
 	$(PY) -m studies.documents.measured_runs
 
-coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/coverage.md; half an hour
+coverage: $(VENV)/.ready  ## how often intervals hold the truth, write docs/measurements/coverage.md; half an hour
 	$(PY) -m studies.documents.coverage $(ARGS)
 
 crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fill their disk; needs strace; 20 minutes
@@ -72,7 +72,7 @@ crash: $(VENV)/.ready  ## kill programs at each call that changes a name, and fi
 soak: $(VENV)/.ready  ## run all nodes at 1 kHz with whatever may happen to them; ARGS='--hours 2'
 	$(PY) -m studies.trials.soak $(ARGS)
 
-mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/mistakes.md; 15 minutes
+mistakes: $(VENV)/.ready  ## make each mistake that users make, write docs/measurements/mistakes.md; 15 minutes
 	$(PY) -m studies.trials.mistakes $(ARGS)
 
 demo: $(VENV)/.ready  ## run the device and its simulator, record them, identify the recording
@@ -82,7 +82,7 @@ benchmark: $(VENV)/.ready $(VENV)/.with-benchmark  ## time simulation, fit, read
 	@mkdir -p build
 	$(PY) -m pytest benchmark --benchmark-json=build/benchmark.json $(ARGS)
 
-speed-document: $(VENV)/.with-benchmark  ## write docs/speed.md of what make benchmark has measured
+speed-document: $(VENV)/.with-benchmark  ## write docs/measurements/speed.md of what make benchmark has measured
 	$(PY) -m studies.documents.speed $(ARGS)
 
 benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 1' for a quarter of an hour
@@ -94,19 +94,19 @@ benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the righ
 monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
 	$(PY) -m studies.documents.monitor_figures $(ARGS)
 
-planning-document: $(VENV)/.ready $(VENV)/.with-benchmark  ## write docs/planning.md: plans beside what the rig then gives, 2 minutes
+planning-document: $(VENV)/.ready $(VENV)/.with-benchmark  ## write docs/measurements/planning.md: plans beside what the rig then gives, 2 minutes
 	$(PY) -m studies.documents.planning
 
-interface-document: $(VENV)/.ready  ## write docs/interface.md, docs/mapping.md, and the pages of --help
+interface-document: $(VENV)/.ready  ## write docs/reference/interface.md, docs/reference/mapping.md, and the pages of --help
 	$(PY) -m studies.documents.interface
 
-effects-document: $(VENV)/.ready  ## write docs/effects.md: every effect, and how it shows on the rig; 1 minute
+effects-document: $(VENV)/.ready  ## write docs/reference/effects.md: every effect, and how it shows on the rig; 1 minute
 	$(PY) -m studies.documents.effects
 
-tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorial.md, with Chromium
+tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorials/first_report.md, with Chromium
 	$(PY) -m studies.documents.tutorial
 
-notebook: $(VENV)/.ready  ## write docs/python.ipynb of docs/python.md, executed
+notebook: $(VENV)/.ready  ## write docs/tutorials/python.ipynb of docs/tutorials/python.md, executed
 	$(PY) -m studies.documents.notebook
 
 layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
@@ -133,7 +133,7 @@ format: $(VENV)/.with-lint  ## put the code into the common style
 lock: $(VENV)/.ready  ## write requirements/ci.txt, what CI installs, by version and hash; with Python 3.11
 	$(PY) -m studies.tools.lock $(SETUPTOOLS) --editable '.[$(LOCKED)]' >$(LOCK).new && mv $(LOCK).new $(LOCK)
 
-licences: $(VENV)/.with-lint $(VENV)/.with-colcon  ## write docs/licences.md, of the packages that are locked
+licences: $(VENV)/.with-lint $(VENV)/.with-colcon  ## write docs/reference/licences.md, of the packages that are locked
 	$(PY) -m studies.tools.licences
 
 sbom: $(VENV)/.with-sbom  ## write build/sbom.json, a bill of materials of .venv (CycloneDX)

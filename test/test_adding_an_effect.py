@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/adding_an_effect.md, done to the letter on a copy of the package."""
+"""docs/how_to/add_an_effect.md, done to the letter on a copy of the package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from patience import LONG_PATIENCE, allowed
 
 ROOT = Path(__file__).parents[1]
-TEXT = (ROOT / 'docs' / 'adding_an_effect.md').read_text(encoding='utf-8')
+TEXT = (ROOT / 'docs' / 'how_to' / 'add_an_effect.md').read_text(encoding='utf-8')
 FILE, ON_THE_RIG = re.findall(r'```python\n(.*?)```', TEXT, re.DOTALL)
 (KNOWN,) = re.findall(r"^ +(\('mains_hum', .*\n)", TEXT, re.MULTILINE)
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
 FOLDERS = ('cfd_pneumatic', 'docs', 'launch', 'scripts', 'studies', 'test')
 LINK = re.compile(r'\[([^\]]*)\]\(([^)\s]+)\)')
 IN_CODE = re.compile(r'```.*?```', re.DOTALL)
 FILE = re.compile(r'`([\w./*-]+\.(?:py|md|sh|jinja|yaml|launch\.py))`')
 WRITTEN = {'bent_sensor.py', 'parameters.yaml', 'mains_hum.py'}
-"""Files that programs write, and the one that docs/adding_an_effect.md adds."""
+"""Files that programs write, and the one that docs/how_to/add_an_effect.md adds."""
 
 
 def text_of(document):

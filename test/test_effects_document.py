@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/effects.md says what the effects' own files say, of each of them."""
+"""docs/reference/effects.md says what the effects' own files say, of each of them."""
 
 from __future__ import annotations
 

@@ -223,7 +223,7 @@ def test_what_ci_installs_is_locked_and_its_licences_are_listed():
     for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon'):
         for wanted in map(Requirement, SETUP['install_requires'] + SETUP['extras_require'][extra]):
             assert locked[canonicalize_name(wanted.name)] in wanted.specifier, f'{wanted}: make lock'
-    page = (ROOT / 'docs' / 'licences.md').read_text(encoding='utf-8')
+    page = (ROOT / 'docs' / 'reference' / 'licences.md').read_text(encoding='utf-8')
     listed = re.findall(r'^\| .* \| (.*) \|$', page, re.MULTILINE)
     assert set(locked) <= {name for line in listed for name in line.split(', ')}, 'make licences'
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`docs/tutorial.md`: its commands, one after the other in an empty folder, and what its text promises of them."""
+"""The commands of `docs/tutorials/first_report.md`, one after the other in an empty folder, and their promises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Python interface that `import cfd_pneumatic as cfd` adds to the exports of other packages; see docs/python.md."""
+"""What `import cfd_pneumatic as cfd` adds to the exports of other packages; see docs/tutorials/python.md."""
 
 from cfd_pneumatic.api.result import Result, identify

@@ -115,7 +115,7 @@ class Result:
 
     @property
     def report(self) -> dict[str, Any]:
-        """The content of `report.json`; see docs/interface.md."""
+        """The content of `report.json`; see docs/reference/interface.md."""
         return report_data(self.identification, self._live)
 
     def save(self, folder: Path | str, *, full: bool = False, overwrite: bool = False) -> list[Path]:

@@ -54,7 +54,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = program.parser_of(
         NAME,
         'Convert a table of measurements to a ROS 2 bag in SI units. A mapping file names the columns and their units; '
-        'docs/mapping.md describes all entries.',
+        'docs/reference/mapping.md describes all entries.',
     )
     parser.add_argument('file', type=Path, metavar='FILE', help='text file with a row for each sample')
     parser.add_argument(

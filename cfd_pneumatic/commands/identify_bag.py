@@ -98,7 +98,7 @@ def make_parser() -> argparse.ArgumentParser:
         type=Path,
         metavar='FILE',
         help='write a draft of an effect, NAME.py, from the first estimated curve with a formula; see '
-        'docs/adding_an_effect.md',
+        'docs/how_to/add_an_effect.md',
     )
     parser.add_argument(
         '--full',

@@ -2,7 +2,8 @@
 """
 Mapping files, which describe the signals of a bag or table that does not follow our convention.
 
-A mapping is YAML with an entry for each signal. docs/mapping.md has examples, and the keys that are documented here.
+A mapping is YAML with an entry for each signal. docs/reference/mapping.md has examples, and the keys that are
+documented here.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ def read_mapping(path: Path | str) -> ChannelMapping:
     Parameters
     ----------
     path : Path or str
-        A YAML file; see docs/mapping.md.
+        A YAML file; see docs/reference/mapping.md.
 
     Raises
     ------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A draft of an effect's file from an estimated curve with a formula; `docs/adding_an_effect.md` has the next steps."""
+"""A draft of an effect's file from an estimated curve with a formula; next steps: `docs/how_to/add_an_effect.md`."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ Array = NDArray[Any]
 Motion = Callable[[Array], Array]
 """Times [s] to displacements [m]."""
 
-DOCUMENT = ROOT / 'docs' / 'coverage.md'
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'coverage.md'
 CHANNEL = Pressure('cylinder_a', AMBIENT_PRESSURE)
 PERIOD = 2e-3  # [s]
 BEFORE = 49 * PERIOD  # time before the trigger [s]

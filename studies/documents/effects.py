@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Document every physical effect: make effects-document writes docs/effects.md and docs/effects/*.svg.
+Document every physical effect: make effects-document writes docs/reference/effects.md and docs/reference/effects/*.svg.
 
 The text comes from the effects' files. The pictures come from the virtual rig, which shares no physics with the model.
 They show a device with the effect, minus the model of the healthy device.
@@ -34,8 +34,8 @@ from studies.panel.rows import cylinder_a_of
 from studies.panel.scores import FAMILIES
 from studies.tools.provenance import ROOT
 
-DOCUMENT = ROOT / 'docs' / 'effects.md'
-PICTURES = ROOT / 'docs' / 'effects'
+DOCUMENT = ROOT / 'docs' / 'reference' / 'effects.md'
+PICTURES = ROOT / 'docs' / 'reference' / 'effects'
 
 CYLINDER = 'cylinder_a'
 SEED = 9
@@ -80,9 +80,9 @@ def document() -> str:
 def _opening() -> Iterator[str]:
     yield '# Physical effects'
     yield (
-        "The effects that the [paper's model](model.md) lacks, by their textbook names. Each effect has its own "
-        "switch; without effects the model is the paper's. Written by `make effects-document` from "
-        '`cfd_pneumatic/model/effects`. [adding_an_effect.md](adding_an_effect.md) shows how to add an effect. '
+        "The effects that the [paper's model](../explanation/model.md) lacks, by their textbook names. Each effect has "
+        "its own switch; without effects the model is the paper's. Written by `make effects-document` from "
+        '`cfd_pneumatic/model/effects`. [add_an_effect.md](../how_to/add_an_effect.md) shows how to add an effect. '
         'Pressures are absolute. A prime marks a quantity that an effect has changed. An arrow marks an update of a '
         'state from step to step:'
     )
@@ -112,7 +112,7 @@ def _section(name: str) -> Iterator[str]:
     effect = EFFECTS[name]
     yield f'## {name}'
     description, path = effect.description, MODULES[name].__name__.replace('.', '/')
-    yield f'{description[0].upper()}{description[1:]}. ([code](../{path}.py))'
+    yield f'{description[0].upper()}{description[1:]}. ([code](../../{path}.py))'
     yield '```math\n' + _latex(effect) + '\n```'
     rows = []
     for parameter in effect.parameters:
@@ -151,8 +151,9 @@ def _latex(effect: Effect) -> str:
 def _more() -> str:
     return (
         '## Measurements of the effects\n\n'
-        '[effects_panel.md](effects_panel.md) reports how often each effect is named, and the effects that are named '
-        'instead. [planning.md](planning.md) reports which strengths a planned experiment shows.'
+        '[effects_panel.md](../measurements/effects_panel.md) reports how often each effect is named, and the '
+        'effects that are named instead. [planning.md](../measurements/planning.md) reports which strengths a '
+        'planned experiment shows.'
     )
 
 

@@ -26,7 +26,8 @@ _SWITCH = '.enabled'
 _CYLINDER_SWITCHES = tuple(f'{name}{_SWITCH}' for name in CYLINDERS)
 _MORE = (
     "Physical effects that the paper's model lacks are parameters, too, such as {effect}.enabled and the parameters "
-    'below it. All effects are off by default. docs/interface.md and `ros2 param describe` list every parameter.'
+    'below it. All effects are off by default. docs/reference/interface.md and `ros2 param describe` list every '
+    'parameter.'
 )
 
 

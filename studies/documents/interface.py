@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Document every program, topic, service and parameter: make interface-document writes docs/interface.md and the help.
+Document every program, topic, service and parameter: `make interface-document`.
+
+The command writes docs/reference/interface.md and the pages of --help.
 
 The nodes are started. Their descriptors give the parameters; their publishers, subscriptions and services the topics.
 """
@@ -38,7 +40,7 @@ from studies.documents.package_facts import programs
 from studies.tools.provenance import ROOT
 from studies.tools.ros_environment import isolate
 
-DOCUMENT = ROOT / 'docs' / 'interface.md'
+DOCUMENT = ROOT / 'docs' / 'reference' / 'interface.md'
 NAMESPACE = '/device'
 NODE, COMMAND = '_node', '.commands.'
 SECOND_UNITS = {'Pa': (PSI, 'psi'), 'Pa/m': (PSI_PER_INCH, 'lbf/in^3')}
@@ -79,7 +81,7 @@ class Endpoint(NamedTuple):
 
 
 def document() -> str:
-    """Return docs/interface.md: every program, topic, service and parameter."""
+    """Return docs/reference/interface.md: every program, topic, service and parameter."""
     with tempfile.TemporaryDirectory() as folder, _nodes(Path(folder)) as nodes:
         return '\n\n'.join([*_opening(), *_programs(), *_topics(nodes), *_parameters(nodes), *_files()]) + '\n'
 
@@ -88,8 +90,8 @@ def _opening() -> Iterator[str]:
     yield '# Interface'
     yield (
         'Every program, topic, service and parameter of the running nodes. Written by `make interface-document`; a '
-        'test compares this page with the code. [model.md](model.md) explains the parameters of the model, '
-        '[effects.md](effects.md) the effects.'
+        'test compares this page with the code. [model.md](../explanation/model.md) explains the parameters of the '
+        'model, [effects.md](effects.md) the effects.'
     )
 
 
@@ -103,7 +105,7 @@ def _programs() -> Iterator[str]:
     for name, module in sorted(modules.items(), key=lambda item: (not item[0].endswith(NODE), item[0])):
         _, _, summary = str(module.__doc__).strip().splitlines()[0].partition(': ')
         path = f'{module.__name__.replace(".", "/")}.py'
-        rows.append([f'[`{name}`](../{path})', 'node' if name.endswith(NODE) else 'command', summary])
+        rows.append([f'[`{name}`](../../{path})', 'node' if name.endswith(NODE) else 'command', summary])
     yield table(['program', 'kind', 'purpose'], rows)
     yield (
         'Start a node with `ros2 run cfd_pneumatic NAME --ros-args -p PARAMETER:=VALUE`. After bad input a program '
@@ -324,7 +326,8 @@ def _effects(entries: Entries) -> Iterator[str]:
     for prefix, names in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):
         rows = []
         for effect in sorted(names):
-            label = f'[`{effect}`]({f"effects.md#{effect}" if effect in EFFECTS else "model.md#the-loop"})'
+            page = f'effects.md#{effect}' if effect in EFFECTS else '../explanation/model.md#the-loop'
+            label = f'[`{effect}`]({page})'
             for name, entry in entries.items():
                 if name.startswith(f'{prefix}.{effect}.') and not name.endswith('.enabled'):
                     _, _, text = entry.meaning.partition(f'{known[effect].description}: ')
@@ -340,8 +343,8 @@ def _files() -> Iterable[str]:
     yield '## Files'
     yield (
         f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON; their keys end in their '
-        'units. [`data.py`: `report_data`](../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
-        f'(../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, as '
+        'units. [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
+        f'(../../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, as '
         'above.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Document every key of a mapping file: make interface-document writes docs/mapping.md."""
+"""Document every key of a mapping file: make interface-document writes docs/reference/mapping.md."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cfd_pneumatic.units import UNITS
 from studies.documents.markdown import code, table
 from studies.tools.provenance import ROOT
 
-DOCUMENT = ROOT / 'docs' / 'mapping.md'
+DOCUMENT = ROOT / 'docs' / 'reference' / 'mapping.md'
 EXAMPLE = ROOT / 'config' / 'pneumatic_actuator.yaml'
 
 BAG = """displacement:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Document the results of each measured run of a cylinder: make measured-runs writes docs/measured_runs.md."""
+"""Document the results of each measured run of a cylinder in docs/measurements/measured_runs.md: make measured-runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from studies.documents.predictions import noise, recording_of_run
 from studies.tools.processes import side_by_side
 from studies.tools.provenance import DATA, ROOT, machine
 
-DOCUMENT = ROOT / 'docs' / 'measured_runs.md'
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'measured_runs.md'
 
 
 @dataclass(frozen=True)

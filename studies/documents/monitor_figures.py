@@ -2,7 +2,7 @@
 """
 Count the false alarms of the watch, and compare the count with the required mean time between false alarms.
 
-    make monitor-figures                 # an hour; writes docs/monitor.md
+    make monitor-figures                 # an hour; writes docs/measurements/monitor.md
     make monitor-figures ARGS='--quick'  # a few hours of residuals, printed
 
 The residuals are random sensor noise, and residuals of the rig against its identified model. Blocks, whitening and
@@ -48,7 +48,7 @@ PIECE = 3600.0  # of random residuals in memory [s]
 STRETCH = 600.0  # of a rig's recording in memory [s]
 WATCH = 6 * 3600.0  # after each learning [s]
 SURFACE_DURATION = 1200.0  # of a surface, which repeats [s]
-DOCUMENT = ROOT / 'docs' / 'monitor.md'
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'monitor.md'
 
 Draw = Callable[[np.random.Generator, int], np.ndarray]
 
@@ -232,7 +232,7 @@ def table_of(counts: Mapping[str, Mapping[str, Count]]) -> str:
 
 
 def document(counts: Mapping[str, Mapping[str, Count]]) -> str:
-    """Return the text of docs/monitor.md."""
+    """Return the text of docs/measurements/monitor.md."""
     parts = [
         '# False alarms of the watch',
         f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Convert docs/python.md to an executed notebook: make notebook writes docs/python.ipynb."""
+"""Convert docs/tutorials/python.md to an executed notebook: make notebook writes docs/tutorials/python.ipynb."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cfd_pneumatic.files import write_text
 from studies.documents.tutorial import programs
 from studies.tools.provenance import ROOT
 
-PAGE, NOTEBOOK = (ROOT / 'docs' / f'python.{suffix}' for suffix in ('md', 'ipynb'))
+PAGE, NOTEBOOK = (ROOT / 'docs' / 'tutorials' / f'python.{suffix}' for suffix in ('md', 'ipynb'))
 
 _FENCE = re.compile(r'^```(python|sh)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulate many parameter sets over a recording on all cores, for a figure of docs/speed.md."""
+"""Simulate many parameter sets over a recording on all cores, for a figure of docs/measurements/speed.md."""
 
 from __future__ import annotations
 

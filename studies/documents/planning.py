@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Compare the predictions of `plan_experiment` with the virtual rig: make planning-document writes docs/planning.md.
+Compare the predictions of `plan_experiment` with the virtual rig: `make planning-document`.
 
 The plan is made with a parameter file that differs from the true device by some percent, as after an identification.
 The rig, which shares no code with the model, plays the planned schedule. Its recording is identified.
@@ -42,7 +42,7 @@ from studies.panel.rows import cylinder_a_of
 from studies.panel.specimen import cylinder_with
 from studies.tools.provenance import ROOT, commit, machine
 
-DOCUMENT = ROOT / 'docs' / 'planning.md'
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'planning.md'
 
 SEEDS = range(510, 512)
 """Seeds of the reported devices; 0, 1, 500 and 501 were used in development."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Write docs/speed.md from the measurements of `make benchmark`: costs, promises, and costs of peers.
+Write docs/measurements/speed.md from the measurements of `make benchmark`: costs, promises, and costs of peers.
 
 This program measures nothing. The document marks benchmarks that a run lacks as not measured.
 """
@@ -50,6 +50,7 @@ GROWN = {
     'identify_bag': '`identify_bag --close-loop`, two cylinders, report written',
 }
 """Titles of work with costs measured for several numbers of samples."""
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'speed.md'
 
 
 class NotMeasured(Exception):  # noqa: N818
@@ -436,7 +437,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--benchmark', type=Path, nargs='+', default=[figures], help='files of figures of make benchmark'
     )
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'speed.md', help='document to write')
+    parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
     options = parser.parse_args(arguments)
     try:
         run = Run(*(json.loads(path.read_text(encoding='utf-8')) for path in options.benchmark))

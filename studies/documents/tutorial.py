@@ -2,8 +2,8 @@
 """
 Run the tutorial's commands and take the tutorial's picture: make tutorial-picture.
 
-Blocks of ``sh`` in `docs/tutorial.md` run in order in a common folder. Each block of ``bash`` is a program that runs
-on in a separate terminal. Blocks of ``console`` need ROS 2's command line.
+Blocks of ``sh`` in `docs/tutorials/first_report.md` run in order in a common folder. Each block of ``bash`` is a
+program that runs on in a separate terminal. Blocks of ``console`` need ROS 2's command line.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from studies.documents import package_facts
 from studies.tools.chromium import Chromium
 from studies.tools.provenance import ROOT
 
-PAGE = ROOT / 'docs' / 'tutorial.md'
-PICTURE = ROOT / 'docs' / 'tutorial_report.png'
+PAGE = ROOT / 'docs' / 'tutorials' / 'first_report.md'
+PICTURE = ROOT / 'docs' / 'tutorials' / 'report.png'
 REPORT = 'What the model lacks'
 """Heading of the section that writes the report."""
 

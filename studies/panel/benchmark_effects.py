@@ -34,6 +34,7 @@ SEEDS = {
     'healthy_whole': ((70, 70, 70), (7, 7, 7)),
 }
 """Number of seeds by kind and schedule, in a full run and in a quick run: for each effect or noise, or of pairs."""
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'effects_panel.md'
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,7 +87,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--seeds', type=_seeds, metavar='A:B', help=f'seeds of all kinds (default: from {FIRST_SEED})')
     parser.add_argument('--quick', action='store_true', help='use few seeds: about 10 minutes on two cores')
     parser.add_argument('--jobs', type=int, default=os.cpu_count(), help='number of processes; 0: this process')
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'effects_panel.md', help='document to write')
+    parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
     parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'effects_panel.jsonl', help='file of rows')
     parser.add_argument(
         '--only-document', action='store_true', help='write the document from the existing rows, without measuring'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write docs/licences.md with the licence of each installed package: `make licences`."""
+"""Write docs/reference/licences.md with the licence of each installed package: `make licences`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ licences` writes this page from `requirements/ci.txt`. The licence of this packa
 def main() -> None:
     needed = closure(Requirement(RUNNING), set())
     page = PAGE.format(running=by_licence(locked() & needed), developing=by_licence(locked() - needed))
-    (ROOT / 'docs' / 'licences.md').write_text(page, encoding='utf-8')
+    (ROOT / 'docs' / 'reference' / 'licences.md').write_text(page, encoding='utf-8')
 
 
 def locked() -> set[str]:

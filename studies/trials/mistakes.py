@@ -49,6 +49,7 @@ MEASURED = DATA / 'friction' / 'O-ring257_3bar.csv'
 EPOCH = 1_700_000_000_000_000_000
 CLEAN = range(1000, 1500)
 """Seeds of clean recordings."""
+DOCUMENT = ROOT / 'docs' / 'measurements' / 'mistakes.md'
 
 
 @dataclass(frozen=True)
@@ -512,7 +513,7 @@ def document(answers: Sequence[tuple[Mistake, Answer]], clean: Sequence[str], no
 def main(arguments: Sequence[str] | None = None) -> int:
     """Try each input error and write the document; return 1 if an input error is not reported."""
     parser = argparse.ArgumentParser(prog='mistakes', description=__doc__.split('\n\n')[0])
-    parser.add_argument('--output', type=Path, default=ROOT / 'docs' / 'mistakes.md', help='document to write')
+    parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
     options = parser.parse_args(arguments)
     answers = []
     for mistake in MISTAKES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/interface.md says what the running nodes say of themselves."""
+"""docs/reference/interface.md says what the running nodes say of themselves."""
 
 from __future__ import annotations
 

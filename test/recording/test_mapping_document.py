@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/mapping.md says what the reader of mapping files takes."""
+"""docs/reference/mapping.md says what the reader of mapping files takes."""
 
 from __future__ import annotations
 
