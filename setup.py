@@ -16,6 +16,7 @@ setup(
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
     package_data={
         PACKAGE: ['py.typed', 'help/*.txt'],
+        f'{PACKAGE}.charts': ['*.js'],
         f'{PACKAGE}.generator': ['*.jinja'],
         f'{PACKAGE}.plant': ['templates/*'],
         f'{PACKAGE}.reporting': ['templates/*'],

@@ -67,6 +67,7 @@ if TYPE_CHECKING:
         Dependence,
         describe_remaining_error,
         residual_dependences,
+        signal_dependences,
     )
     from cfd_pneumatic.identification.result import ChannelResult, Comparison, Geometry, Identification
     from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial, with_core

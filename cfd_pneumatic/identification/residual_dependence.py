@@ -18,6 +18,7 @@ from cfd_pneumatic.identification.thresholds import (
     LEAST_MOVING_SPEED,
     LEAST_POWER,
     MOST_DEPENDENCES,
+    MOST_PLOTTED_SAMPLES,
 )
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
@@ -37,6 +38,25 @@ SUGGESTIONS: Mapping[str, str] = MappingProxyType(
 
 
 @dataclass(frozen=True)
+class Samples:
+    """
+    Samples of a residual and a signal, thinned for a plot.
+
+    Attributes
+    ----------
+    signal, residual
+        Values, shape (n,) [SI].
+    times
+        Times, shape (n,) [s]; None for several recordings.
+
+    """
+
+    signal: Array
+    residual: Array
+    times: Array | None
+
+
+@dataclass(frozen=True)
 class Dependence:
     """
     Dependence of a residual on a signal.
@@ -49,6 +69,8 @@ class Dependence:
         Share of the residual's power that the mean residual in each bin explains [-].
     at, mean
         Mean signal and mean residual of bins with equally many samples, shape (bins,) [SI].
+    samples
+        Samples for a plot.
 
     """
 
@@ -56,6 +78,7 @@ class Dependence:
     share: float
     at: Array
     mean: Array
+    samples: Samples
 
     @property
     def suggestion(self) -> str:
@@ -63,16 +86,21 @@ class Dependence:
         return SUGGESTIONS.get(self.on, f'causes that depend on the {self.on}')
 
 
-def residual_dependences(result: ChannelResult) -> list[Dependence]:
-    """Return the dependences of the remaining error on signals, the strongest first."""
+def signal_dependences(result: ChannelResult) -> list[Dependence]:
+    """Return the dependence of the remaining error on each signal, the strongest first."""
     residual = np.concatenate([comparison.residual(1) for comparison in result.comparisons])
+    times = result.comparisons[0].times if len(result.comparisons) == 1 else None
     recorded = [dict(_signals(result, comparison)) for comparison in result.comparisons]
     shared = [name for name in recorded[0] if all(name in signals for signals in recorded)]
     dependences = [
-        _dependence(name, np.concatenate([signals[name] for signals in recorded]), residual) for name in shared
+        _dependence(name, np.concatenate([signals[name] for signals in recorded]), residual, times) for name in shared
     ]
-    strong = (dependence for dependence in dependences if dependence.share >= LEAST_DEPENDENCE)
-    return sorted(strong, key=lambda dependence: -dependence.share)
+    return sorted(dependences, key=lambda dependence: -dependence.share)
+
+
+def residual_dependences(result: ChannelResult) -> list[Dependence]:
+    """Return the dependences of the remaining error that are strong enough to be reported, the strongest first."""
+    return [dependence for dependence in signal_dependences(result) if dependence.share >= LEAST_DEPENDENCE]
 
 
 def describe_remaining_error(result: ChannelResult) -> str:
@@ -111,7 +139,7 @@ def _signals(result: ChannelResult, comparison: Comparison) -> Iterator[tuple[st
     yield 'time', comparison.times
 
 
-def _dependence(name: str, signal: Array, residual: Array) -> Dependence:
+def _dependence(name: str, signal: Array, residual: Array, times: Array | None) -> Dependence:
     """Return the dependence of a residual on a signal: the correlation ratio minus its value expected by chance."""
     edges = np.unique(np.quantile(signal, np.linspace(0.0, 1.0, DEPENDENCE_BINS + 1)))
     index = np.clip(np.searchsorted(edges, signal, side='right') - 1, 0, max(edges.size - 2, 0))
@@ -123,4 +151,6 @@ def _dependence(name: str, signal: Array, residual: Array) -> Dependence:
     power = max(float(centred @ centred), LEAST_POWER)
     between = float(counts[is_filled] @ (means - np.mean(residual)) ** 2)
     chance = (int(np.count_nonzero(is_filled)) - 1) / residual.size
-    return Dependence(name, max(between / power - chance, 0.0), signal_means, means)
+    every = slice(None, None, -(-residual.size // MOST_PLOTTED_SAMPLES))
+    samples = Samples(signal[every], residual[every], None if times is None else times[every])
+    return Dependence(name, max(between / power - chance, 0.0), signal_means, means, samples)

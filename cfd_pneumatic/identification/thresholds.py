@@ -65,6 +65,12 @@ LEAST_DEPENDENCE = 0.02
 MOST_DEPENDENCES = 3
 """Dependences that the summary names [1]. Origin: not known."""
 
+MOST_PLOTTED_SAMPLES = 2000
+"""
+Most samples of a plot of the residual over a signal [1].
+Origin: more dots hide each other in a plot 300 pixels wide.
+"""
+
 LEAST_MOVING_SPEED = 0.05
 """Least speed of a piston that has a direction of motion [standard deviations of the speed]. Origin: not known."""
 

@@ -13,14 +13,15 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from cfd_pneumatic.charts import Chart, Curve, Panel, svg
 from cfd_pneumatic.convention import CYLINDERS, SCHEDULE_COLUMNS
 from cfd_pneumatic.files import ResultFiles, marked
 from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.planning.names import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.planning.prediction import EffectPrediction, ParameterPrediction, Planned
-from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 
+_WIDTH = 1000.0  # of the picture [CSS px]
 SCHEMA = 1
 
 _COLOURS = {'blue': '#0a5fc2', 'orange': '#c2500f'}
@@ -176,6 +177,5 @@ def picture(plan: Planned) -> str:
     )
     marks = [float(proposal.times[index]) for _, index in proposal.segments[:count]]
     extent = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
-    return chart(
-        panels, 1000, (float(times[0]), float(times[-1])), f'time [s], {extent}', f'{_PICTURED}{extent}', marks=marks
-    )
+    span = float(times[0]), float(times[-1])
+    return svg(Chart(panels, span, f'time [s], {extent}', f'{_PICTURED}{extent}', marks=marks), _WIDTH)

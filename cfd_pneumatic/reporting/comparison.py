@@ -25,11 +25,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from cfd_pneumatic.charts import thinned
 from cfd_pneumatic.files import marked, staged_output
 from cfd_pneumatic.identification import Comparison, Identification
 from cfd_pneumatic.messages import Form
 from cfd_pneumatic.recording import BagWriter, Recording, Stream, stamps_of, streams_of
-from cfd_pneumatic.reporting.thinning import thinned
 
 MEASURED = '/measured'
 SIMULATED = ('/simulated_before', '/simulated_after')

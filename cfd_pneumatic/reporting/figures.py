@@ -1,10 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""
-Figures of the report page, as SVG that uses the colours and fonts of the page.
-
-Lengths are CSS pixels. A figure has the size at which a desktop shows it; some have a narrow form for phones. Long
-series are thinned to the lowest and the highest value in each pixel column, which loses no visible detail.
-"""
+"""Charts of the report page: measured and simulated values, the residual, and an estimated curve."""
 
 from __future__ import annotations
 
@@ -16,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.charts import Chart, Curve, Panel, Style, Window
 from cfd_pneumatic.identification import (
     PARTS,
     PLACES,
@@ -26,22 +22,18 @@ from cfd_pneumatic.identification import (
     Comparison,
     Dependence,
     autocovariance,
-    residual_dependences,
+    signal_dependences,
 )
-from cfd_pneumatic.reporting.thinning import thinned
-from cfd_pneumatic.svg import Curve, Panel, chart
 
-MEASURED, BEFORE, AFTER, MUTED = (f'var(--{name})' for name in ('measured', 'before', 'after', 'muted'))
+MEASURED, BEFORE, AFTER, MUTED, RULE = (f'var(--{name})' for name in ('measured', 'before', 'after', 'muted', 'rule'))
 
-WIDE, NARROW, PANEL = 1000, 380, 340
 _ZOOM_SHARE = 0.08  # share of a recording that the zoom shows
 _SHORTEST_ZOOM, _LONGEST_ZOOM = 0.5, 1.5  # [s]
-_MOST_DOTS = 800
 _HEADROOM = 0.5  # share of an axis that is kept free for labels
 _LAGS = 60  # samples
 _LAGS_BEFORE = 20  # samples
 _LONGEST_CORRELATION = 500  # largest lag of the autocorrelation of residuals and inputs [samples]
-_MOST_DEPENDENCES = 3
+_PLOTTED_SIGNALS = ('position', 'piston speed', 'pressure', 'contact force', 'pressure difference', 'valve error', 'time')
 _SIGNAL_UNITS = {
     'position': (1e-3, ' [mm]'),
     'piston speed': (1e-3, ' [mm/s]'),
@@ -68,26 +60,7 @@ _TWO_SIDED = float(-ndtri(SIGNIFICANCE / 2.0))
 
 
 @dataclass(frozen=True)
-class Picture:
-    """
-    A figure of the page.
-
-    Attributes
-    ----------
-    wide, narrow
-        SVG for a desktop and for a phone. `narrow` is empty if the wide figure is small enough for a phone.
-    caption
-        Description of the content.
-
-    """
-
-    wide: str
-    narrow: str
-    caption: str
-
-
-@dataclass(frozen=True)
-class Window:
+class Excerpt:
     """A section of a recording, from `begin` to `end` [s]."""
 
     comparison: Comparison
@@ -95,63 +68,100 @@ class Window:
     end: float
 
 
-def pictures_by_section(result: ChannelResult, comparisons: Sequence[Comparison]) -> dict[str, list[Picture]]:
-    """Return the figures of a channel by section of the page; each of the `comparisons` is shown in full length."""
-    strips = [zoom_picture(result), *(record_picture(result, comparison) for comparison in comparisons)]
-    unexplained = result.findings.verdict == 'unexplained'
-    dependences = residual_dependences(result)[:_MOST_DEPENDENCES] if unexplained else []
+def charts_by_section(result: ChannelResult, comparisons: Sequence[Comparison]) -> dict[str, list[Chart]]:
+    """Return the charts of a channel by section of the page; each of the `comparisons` is shown in full length."""
     return {
-        'characteristic': [] if result.findings.unknown is None else [characteristic_picture(result.findings.unknown)],
-        'strips': strips,
-        'correlations': correlation_pictures(result),
-        'dependences': [_dependence_picture(result, dependence) for dependence in dependences],
+        'characteristic': [] if result.findings.unknown is None else [characteristic_chart(result.findings.unknown)],
+        'records': [record_chart(result, comparison) for comparison in comparisons],
+        'correlations': correlation_charts(result),
+        'dependences': dependence_charts(result),
     }
 
 
-def characteristic_picture(estimate: Characteristic) -> Picture:
-    """Return the figure of an estimated curve with its band; ranges that no recording visited are grey."""
+def characteristic_chart(estimate: Characteristic) -> Chart:
+    """Return the chart of an estimated curve with its band; ranges that no recording visited are grey."""
     (variable_scale, variable_unit), (scale, unit) = _CURVE_UNITS[estimate.unit_against], _CURVE_UNITS[estimate.unit]
     at, visited = estimate.at / variable_scale, np.flatnonzero(estimate.visited)
     curves = [Curve(at, estimate.value / scale, MUTED, 0.8)]
     lines = (estimate.low, 0.8), (estimate.high, 0.8), (estimate.value, 2.0)
     for run in np.split(visited, 1 + np.flatnonzero(np.diff(visited) > 1)):  # the gaps between runs are not estimated
-        is_dot = run.size == 1
-        curves += [Curve(at[run], line[run] / scale, AFTER, (1 + 2 * is_dot) * width, is_dot) for line, width in lines]
+        style: Style = 'dots' if run.size == 1 else 'line'
+        factor = 3 if run.size == 1 else 1
+        curves += [Curve(at[run], line[run] / scale, AFTER, factor * width, style) for line, width in lines]
     text = f'Estimated curve: {estimate.description}. Thin lines: 95 % interval at each point. Grey: not visited.'
     place, variable = PLACES[estimate.enters].axis, VARIABLES[estimate.against].axis
-
-    def figure(width: int) -> str:
-        panel = Panel(f'{place} [{unit}]', 200, curves, levels=[(0.0, 'var(--rule)')])
-        return chart([panel], width, (float(at[0]), float(at[-1])), f'{variable} [{variable_unit}]', text)
-
-    return Picture(figure(WIDE), figure(NARROW), text)
+    panel = Panel(f'{place} [{unit}]', 200, curves, levels=[(0.0, RULE)])
+    return Chart([panel], (float(at[0]), float(at[-1])), f'{variable} [{variable_unit}]', text, text)
 
 
-def _dependence_picture(result: ChannelResult, dependence: Dependence) -> Picture:
-    """Return the figure of the mean residual over a signal on which the residual depends."""
+def dependence_charts(result: ChannelResult) -> list[Chart]:
+    """Return the charts of the residual over the signals on which the residual may depend, the strongest first."""
+    plotted = [dependence for dependence in signal_dependences(result) if dependence.on in _PLOTTED_SIGNALS]
+    return [_dependence_chart(result, dependence) for dependence in plotted]
+
+
+def _dependence_chart(result: ChannelResult, dependence: Dependence) -> Chart:
+    """Return the chart of the residual over a signal: samples, and means of equally many samples."""
     small_unit, (scale, unit) = result.quantity.small, _SIGNAL_UNITS.get(dependence.on, (1.0, ''))
-    at, mean = dependence.at / scale, dependence.mean / small_unit.si
-    curves = [Curve(at, mean, AFTER, 1.2), Curve(at, mean, AFTER, 4.0, dots=True)]
-    text = f'{dependence.on} explains {100.0 * dependence.share:.0f} %: {dependence.suggestion}'
-    panel = Panel(f'residual [{small_unit.unit}]', 160, curves, levels=[(0.0, 'var(--rule)')])
-    span = (float(at.min()), float(at.max()))
-    return Picture(chart([panel], PANEL, span, f'{dependence.on}{unit}', f'Mean of the residual. {text}.'), '', text)
+    samples, at = dependence.samples, dependence.at / scale
+    dots = Curve(samples.signal / scale, samples.residual / small_unit.si, MEASURED, 1.6, 'dots', times=samples.times)
+    mean = dependence.mean / small_unit.si
+    curves = [dots, Curve(at, mean, AFTER, 2.0), Curve(at, mean, AFTER, 5.0, 'dots')]
+    text = f'{dependence.on}: {100.0 * dependence.share:.0f} %'
+    panel = Panel(f'residual [{small_unit.unit}]', 160, curves, levels=[(0.0, RULE)], robust=True)
+    return Chart(
+        [panel],
+        (float(np.min(dots.x)), float(np.max(dots.x))),
+        f'{dependence.on}{unit}',
+        f'Residual over {dependence.on}. Dots: samples. Line: means of equally many samples.',
+        text[:1].upper() + text[1:],
+        is_wide=False,
+        clock='' if samples.times is None else _clock_of(result.comparisons[0]),
+    )
 
 
-def record_picture(result: ChannelResult, comparison: Comparison) -> Picture:
-    """Return the figure of measured values, simulated values and residuals over a whole recording."""
-    begin, end = float(comparison.times[0]), float(comparison.times[-1])
-    label = _alternative_text(result, f'the whole of {comparison.name}')
-    wide, narrow = _strips(result, Window(comparison, begin, end), label)
-    return Picture(wide, narrow, f'{comparison.name}, all {end - begin:.4g} s.')
+def _clock_of(comparison: Comparison) -> str:
+    return f'recording {comparison.recording}'
 
 
-def zoom_picture(result: ChannelResult) -> Picture:
-    """Return the figure of measured values, simulated values and residuals in the zoom window."""
+def record_chart(result: ChannelResult, comparison: Comparison) -> Chart:
+    """Return the chart of displacement, measured and simulated values, and residuals over a whole recording."""
+    times = comparison.times
+    begin, end = float(times[0]), float(times[-1])
+    large, small = result.quantity.large, result.quantity.small
+    simulated = {BEFORE: comparison.before, **({AFTER: comparison.after} if result.added else {})}
+    variants = {BEFORE: ' before' if result.added else '', AFTER: ' after'}
+    values = [Curve(times, comparison.experiment.measured / large.si, MEASURED, 1.6, 'samples', 'measured')]
+    residuals = []
+    for which, (colour, curve) in enumerate(simulated.items()):
+        values.append(Curve(times, curve / large.si, colour, 1.1, name=f'simulated{variants[colour]}'))
+        residual = comparison.residual(which) / small.si
+        residuals.append(Curve(times, residual, colour, 1.0, name=f'residual{variants[colour]}'))
+    if 'set-point' in comparison.inputs:
+        setpoint = comparison.inputs['set-point'] / large.si
+        values.insert(0, Curve(times, setpoint, MUTED, 0.9, name='set-point'))
+    motion = Curve(times, comparison.inputs['displacement'] * 1e3, MUTED, 1.2, name='displacement')
+    labels, marks = _part_labels(comparison)
+    first, second, third = _titles(result)
+    panels = (
+        Panel(first, 61, [motion], ticks=3, headroom=_HEADROOM, labels=labels),
+        Panel(second, 166, values),
+        Panel(third, 133, residuals, band=2.0 * result.noise.std / small.si, robust=True),
+    )
     window = zoom_window(result)
-    section = f'{window.comparison.name}, {round(window.begin, 2) + 0.0:.2f} s to {window.end:.2f} s'
-    wide, narrow = _strips(result, window, _alternative_text(result, section))
-    return Picture(wide, narrow, f'{section}: {_ZOOM_REASONS[_zoom_criterion(result)]}.')
+    windows = []
+    if window.comparison is comparison:
+        windows = [Window(_ZOOM_REASONS[_zoom_criterion(result)], window.begin, window.end)]
+    return Chart(
+        panels,
+        (begin, end),
+        'time [s]',
+        _alternative_text(result, f'the whole of {comparison.name}'),
+        f'{comparison.name}, all {end - begin:.4g} s.',
+        marks=marks,
+        windows=windows,
+        clock=_clock_of(comparison),
+    )
 
 
 def _alternative_text(result: ChannelResult, section: str) -> str:
@@ -166,9 +176,9 @@ def _alternative_text(result: ChannelResult, section: str) -> str:
 
 
 _ZOOM_REASONS = {
-    'reduction': 'here the effects reduce the residual most',
-    'remaining': 'here the remaining error is largest',
-    'residual': 'here the residual is largest',
+    'reduction': 'Largest reduction of the residual',
+    'remaining': 'Largest remaining error',
+    'residual': 'Largest residual',
 }
 
 
@@ -179,10 +189,10 @@ def _zoom_criterion(result: ChannelResult) -> str:
     return 'remaining' if result.findings.verdict == 'unexplained' else 'reduction'
 
 
-def zoom_window(result: ChannelResult) -> Window:
+def zoom_window(result: ChannelResult) -> Excerpt:
     """Return the window with the largest residual, or with the largest reduction of the residual by the effects."""
     criterion = _zoom_criterion(result)
-    best: tuple[float, Window] | None = None
+    best: tuple[float, Excerpt] | None = None
     for comparison in result.comparisons:
         power = comparison.residual(1 if criterion == 'remaining' else 0) ** 2
         if criterion == 'reduction':
@@ -198,50 +208,9 @@ def zoom_window(result: ChannelResult) -> Window:
         first = int(np.argmax(energies))
         begin = float(begins[first])
         if best is None or energies[first] > best[0]:
-            best = float(energies[first]), Window(comparison, begin, begin + length)
+            best = float(energies[first]), Excerpt(comparison, begin, begin + length)
     assert best is not None
     return best[1]
-
-
-def _strips(result: ChannelResult, window: Window, label: str) -> tuple[str, str]:
-    return (
-        _strip_figure(result, window, WIDE, (61, 166, 133), label),
-        _strip_figure(result, window, NARROW, (67, 158, 134), label),
-    )
-
-
-def _strip_figure(
-    result: ChannelResult, window: Window, width: int, heights: tuple[float, float, float], label: str
-) -> str:
-    comparison = window.comparison
-    shown = (comparison.times >= window.begin) & (comparison.times <= window.end)
-    times = comparison.times[shown]
-    is_dotted = int(np.count_nonzero(shown)) <= _MOST_DOTS * width / WIDE
-    large, small = result.quantity.large, result.quantity.small
-
-    def curve(values: Array, colour: str, line: float) -> Curve:
-        return Curve(*thinned(times, values[shown], width), colour, line)
-
-    motion = curve(comparison.inputs['displacement'] * 1e3, MUTED, 1.2)
-    series = [(comparison.before, BEFORE)] + ([(comparison.after, AFTER)] if result.added else [])
-    simulated = [curve(values / large.si, colour, 1.3 if is_dotted else 0.9) for values, colour in series]
-    measured = comparison.experiment.measured / large.si
-    if is_dotted:
-        values = [*simulated, Curve(times, measured[shown], MEASURED, 2.6, dots=True)]
-    else:
-        values = [curve(measured, MEASURED, 1.6), *simulated]
-    residuals = [
-        curve(comparison.residual(which) / small.si, BEFORE if which == 0 else AFTER, 1.0)
-        for which in range(len(series))
-    ]
-    titles = _titles(result)
-    labels, marks = _part_labels(comparison, window, width)
-    panels = (
-        Panel(titles[0], heights[0], [motion], ticks=3, headroom=_HEADROOM, labels=labels),
-        Panel(titles[1], heights[1], values),
-        Panel(titles[2], heights[2], residuals, band=2.0 * result.noise.std / small.si),
-    )
-    return chart(panels, width, (window.begin, window.end), 'time [s]', label, marks=marks)
 
 
 def _titles(result: ChannelResult) -> tuple[str, str, str]:
@@ -253,30 +222,28 @@ def _titles(result: ChannelResult) -> tuple[str, str, str]:
     )
 
 
-def _part_labels(comparison: Comparison, window: Window, width: int) -> tuple[list[tuple[float, str]], list[float]]:
-    """Return the names of the visible parts (train, validation, test) with their begins, and the borders [s]."""
+def _part_labels(comparison: Comparison) -> tuple[list[tuple[float, str]], list[float]]:
+    """Return the names of the parts (train, validation, test) with their begins, and the borders [s]."""
     labels, marks = [], []
     for index, part in enumerate(PARTS):
         samples = np.flatnonzero(comparison.experiment.part == index)
         if samples.size == 0:
             continue
-        begin, end = comparison.times[samples[0]], comparison.times[samples[-1]]
-        if index and window.begin < begin < window.end:
-            marks.append(float(begin))
-        visible = max(begin, window.begin), min(end, window.end)
-        if visible[1] - visible[0] > (0.04 if width > NARROW else 0.1) * (window.end - window.begin):
-            labels.append((float(visible[0]), part))
+        begin = float(comparison.times[samples[0]])
+        if index and begin > comparison.times[0]:
+            marks.append(begin)
+        labels.append((begin, part))
     return labels, marks
 
 
-def correlation_pictures(result: ChannelResult) -> list[Picture]:
-    """Return the figures of the residual's autocorrelation and of its correlations with the inputs that change."""
-    pictures = [_autocorrelation_picture(result)]
+def correlation_charts(result: ChannelResult) -> list[Chart]:
+    """Return the charts of the residual's autocorrelation and of its correlations with the inputs that change."""
+    charts = [_autocorrelation_chart(result)]
     for name in ('piston speed', 'set-point', 'pressure difference'):
         inputs = _fitted_input(result, name)
         if any(np.ptp(run) > 0.0 for run in inputs):
-            pictures.append(_crosscorrelation_picture(result, name, inputs))
-    return pictures
+            charts.append(_crosscorrelation_chart(result, name, inputs))
+    return charts
 
 
 def _tested_residuals(result: ChannelResult, which: int) -> list[Array]:
@@ -284,7 +251,7 @@ def _tested_residuals(result: ChannelResult, which: int) -> list[Array]:
     return [run - np.mean(run) for run in result.tested(which) if run.size > 2]
 
 
-def _autocorrelation_picture(result: ChannelResult) -> Picture:
+def _autocorrelation_chart(result: ChannelResult) -> Chart:
     curves = {}
     for which, colour in _residual_colours(result).items():
         runs = _tested_residuals(result, which)
@@ -292,7 +259,7 @@ def _autocorrelation_picture(result: ChannelResult) -> Picture:
         limit = _TWO_SIDED / np.sqrt(sum(run.size for run in runs))
         curves[colour] = np.arange(1, covariance.size), covariance[1:] / covariance[0], limit
     text = 'Autocorrelation'
-    return Picture(_correlation_figure(text, curves), '', text)
+    return _correlation_chart(text, curves)
 
 
 def _fitted_input(result: ChannelResult, name: str) -> list[Array]:
@@ -305,12 +272,12 @@ def _fitted_input(result: ChannelResult, name: str) -> list[Array]:
     return [run - np.mean(run) for run in runs if run.size > 2]
 
 
-def _crosscorrelation_picture(result: ChannelResult, name: str, inputs: Sequence[Array]) -> Picture:
+def _crosscorrelation_chart(result: ChannelResult, name: str, inputs: Sequence[Array]) -> Chart:
     curves = {}
     for which, colour in _residual_colours(result).items():
         curves[colour] = crosscorrelation(_tested_residuals(result, which), inputs, _LAGS_BEFORE, _LAGS)
     text = f'Correlation with the {name}'
-    return Picture(_correlation_figure(text, curves), '', text)
+    return _correlation_chart(text, curves)
 
 
 def crosscorrelation(
@@ -346,20 +313,21 @@ def _residual_colours(result: ChannelResult) -> dict[int, str]:
     return {0: BEFORE, 1: AFTER} if result.added else {0: BEFORE}
 
 
-def _correlation_figure(text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]) -> str:
-    series, levels, exceedances = [], [(0.0, 'var(--rule)')], []
+def _correlation_chart(text: str, curves: Mapping[str, tuple[NDArray[np.intp], Array, float]]) -> Chart:
+    series, levels, exceedances = [], [(0.0, RULE)], []
     for colour, (lags, values, limit) in curves.items():
-        series += [Curve(lags, values, colour, 1.2), Curve(lags, values, colour, 4.0, dots=True)]
+        series += [Curve(lags, values, colour, 1.2), Curve(lags, values, colour, 4.0, 'dots')]
         levels += [(-limit, colour), (limit, colour)]
         name = 'without effects' if colour == BEFORE else 'with effects'
         count = int(np.count_nonzero(np.abs(values) > limit))
         exceedances.append(f'{name}, {count} of {values.size} lags exceed the threshold of {limit:.3f}')
     all_lags = np.concatenate([lags for lags, *_ in curves.values()])
-    return chart(
+    return Chart(
         [Panel('', 160, series, levels=levels)],
-        PANEL,
         (float(all_lags.min()), float(all_lags.max())),
         'lag [samples]',
         f'{text}, of the residual: {"; ".join(exceedances)}.',
+        text,
         whole=True,
+        is_wide=False,
     )

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from cfd_pneumatic.charts import Chart, Curve, Panel, svg
 from cfd_pneumatic.files import ResultFiles, marked
 from cfd_pneumatic.identification import LAWS, Decay, Leak, rate_of
-from cfd_pneumatic.svg import Curve, Panel, chart
 from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
@@ -181,16 +181,16 @@ def _picture(decays: Mapping[str, Decay]) -> str:
                 f'{name}: gauge pressure [kPa]',
                 200,
                 [
-                    Curve(decay.times, gauge, measured_colour, dots=True),
+                    Curve(decay.times, gauge, measured_colour, style='dots'),
                     Curve(decay.times, simulated, simulated_colour, 2.0),
                 ],
             ),
             Panel(
                 f'{name}: residual of the {decay.best.characteristic} model [Pa]',
                 90,
-                [Curve(decay.times, 1e3 * (gauge - simulated), measured_colour, dots=True)],
+                [Curve(decay.times, 1e3 * (gauge - simulated), measured_colour, style='dots')],
                 band=decay.noise,
             ),
         ]
     end = max(float(decay.times[-1]) for decay in decays.values())
-    return chart(panels, _WIDTH, (0.0, end), 'time [s]', _PICTURE_LABEL, whole=True)
+    return svg(Chart(panels, (0.0, end), 'time [s]', _PICTURE_LABEL, whole=True), _WIDTH)

@@ -6,8 +6,8 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 
+from cfd_pneumatic.charts import thinned
 from cfd_pneumatic.identification import PARTS, ChannelResult, Comparison, Identification, readable_name, title
-from cfd_pneumatic.reporting.thinning import thinned
 
 _COLUMNS = 2_000  # pixels across the plot
 _SIZE = (10.0, 3.4)  # width and height of a channel's plots [inch]

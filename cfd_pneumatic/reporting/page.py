@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from cfd_pneumatic import __version__
+from cfd_pneumatic.charts import plot_scripts
 from cfd_pneumatic.identification import (
     PARTS,
     ChannelResult,
@@ -55,14 +56,30 @@ class Row:
 
 
 def report_page(
-    identification: Identification, live: Mapping[str, PartError] = MappingProxyType({}), run: str = ''
+    identification: Identification,
+    live: Mapping[str, PartError] = MappingProxyType({}),
+    run: str = '',
+    shared_scripts: str = '',
 ) -> str:
-    """Return the report page of a closed loop; `live` has the errors of `sim_node` by channel."""
+    """
+    Return the report page of a closed loop.
+
+    Parameters
+    ----------
+    identification, live
+        Results, and the errors of `sim_node` by channel.
+    run
+        Name of the run.
+    shared_scripts
+        Relative address of scripts that several pages share; empty to put the scripts into the page.
+
+    """
     sections = [_section(result, live.get(result.name)) for result in identification.closed]
     return rendered(
         TEMPLATE,
         version=__version__,
         run=run,
+        scripts=plot_scripts(shared_scripts),
         recordings=identification.recordings,
         dates=[_date(recording) for recording in identification.recordings],
         warnings=[notice for notice in identification.notices if notice.level == WARNING],
@@ -97,7 +114,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'result': result,
         'findings': findings,
         'bars': list(_bars(result)),
-        'pictures': figures.pictures_by_section(result, shown),
+        'charts': figures.charts_by_section(result, shown),
         'not_shown': [comparison.name for comparison in result.comparisons[_MOST_RECORDINGS:]],
         'errors': list(_errors(result)),
         'live': live,

@@ -10,6 +10,7 @@ from typing import Any
 from jinja2 import BytecodeCache, Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket
 
+from cfd_pneumatic.charts import chart_element
 from cfd_pneumatic.files import marked
 from cfd_pneumatic.identification import number, percent, readable_name, reservation, sentence, title_of_test, unit
 from cfd_pneumatic.identification import title as title_text
@@ -41,8 +42,22 @@ class _CompiledTemplates(BytecodeCache):
         return _COMPILED / f'{bucket.key}.jbc'
 
 
-def rendered(template: str, *folders: Path, **values: Any) -> str:
-    """Return the page that a template makes of values; `folders` are searched before the templates of this package."""
+def rendered(template: str, *folders: Path, scripts: str = '', **values: Any) -> str:
+    """
+    Return the page that a template makes of values.
+
+    Parameters
+    ----------
+    template
+        File name of the template.
+    *folders
+        Folders that are searched before the templates of this package.
+    scripts
+        Elements at the end of the page.
+    **values
+        Values of the template.
+
+    """
     templates = Environment(
         loader=FileSystemLoader([*folders, TEMPLATES]),
         undefined=StrictUndefined,
@@ -52,6 +67,7 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
         bytecode_cache=_CompiledTemplates() if is_trusted(_COMPILED) else None,
     )
     templates.filters.update(
+        figure=chart_element,
         number=number,
         percent=percent,
         reservation=reservation,
@@ -63,4 +79,5 @@ def rendered(template: str, *folders: Path, **values: Any) -> str:
         verdict=verdict_text,
     )
     page = templates.get_template(template).render(**values)
-    return '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'
+    text = '\n'.join(line.rstrip() for line in page.splitlines() if line.strip()) + '\n'
+    return text.replace('</body>', f'{scripts}\n</body>') if scripts else text

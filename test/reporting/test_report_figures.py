@@ -11,7 +11,7 @@ from identified import closed, judged
 
 from cfd_pneumatic.identification.characteristic import Characteristic
 from cfd_pneumatic.reporting import figures
-from cfd_pneumatic.reporting.thinning import thinned
+from cfd_pneumatic.charts import thinned
 
 
 @pytest.fixture(scope='module')

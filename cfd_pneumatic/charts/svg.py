@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Charts as SVG: stacked panels with a common axis.
+Static pictures of charts, as SVG.
 
 Lengths are CSS pixels. Texts and rules have the colour and the font of the surrounding page; curves have any CSS
 colour.
@@ -9,131 +9,50 @@ colour.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from html import escape
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.charts.chart import Chart, Curve, Panel, Window
+from cfd_pneumatic.charts.thinning import thinned
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 14, 24, 40
 _GAP = 34  # between panels, with the title of the lower panel
 _TITLE, _NUMBER = 12, 11  # font sizes
 _TICK = 4
+_LABEL_ROOM = 40  # least room of a label
 _APART = 65  # least distance of numbers below an axis
-_MARGIN = 0.08  # share of the curves' range, above and below the curves
+MOST_DOTS = 800
+"""Samples in the full width of a page up to which samples are dots and not a line [1]."""
+
+_FULL_WIDTH = 1000
+_DOT = 2.6
+_MOST_FREE_DOTS = 600  # that are not joined in time
+_COLUMN = 2  # width of a column, in which a long curve is thinned to its extremes
 _FINE = 10  # resolution of a curve's points in a pixel
 _STEPS = (1.0, 2.0, 5.0, 10.0)
 _DASHES = {'': '', 'dashed': ' stroke-dasharray="4 3"', 'dotted': ' stroke-dasharray="2 3"'}
 
 
-@dataclass(frozen=True)
-class Curve:
-    """
-    A line through points, or dots.
-
-    Attributes
-    ----------
-    x, y : (n,) array
-        Points, in the units of the axes.
-    colour : str
-        CSS colour.
-    width : float
-        Width of the line or the dots.
-    dots : bool
-        Whether the points are dots and not joined.
-
-    """
-
-    x: NDArray[Any]
-    y: Array
-    colour: str
-    width: float = 1.1
-    dots: bool = False
-
-
-@dataclass(frozen=True)
-class Panel:
-    """
-    Curves on one pair of axes.
-
-    Attributes
-    ----------
-    title : str
-        Quantity of the curves, with its unit.
-    height : float
-        Height of the axes.
-    curves : sequence of Curve
-        Curves; the last curve is on top.
-    ticks : int
-        Largest number of ticks of the axis.
-    headroom : float
-        Space for texts above the curves, as a share of their range.
-    labels : sequence
-        Positions [unit of x] and texts above the curves.
-    band : float or None
-        Half the height of a shaded band about zero.
-    levels : sequence
-        Heights and colours of horizontal dashed lines.
-
-    """
-
-    title: str
-    height: float
-    curves: Sequence[Curve]
-    ticks: int = 6
-    headroom: float = 0.0
-    labels: Sequence[tuple[float, str]] = ()
-    band: float | None = None
-    levels: Sequence[tuple[float, str]] = ()
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """Lowest and highest value of the axis."""
-        heights = [curve.y for curve in self.curves if curve.y.size]
-        heights += [np.array([level for level, _ in self.levels])] if self.levels else []
-        low = min((float(np.min(values)) for values in heights), default=0.0)
-        high = max((float(np.max(values)) for values in heights), default=0.0)
-        if self.band is not None:
-            low, high = min(low, -self.band), max(high, self.band)
-        span = high - low or abs(high) or 1.0
-        return low - _MARGIN * span, high + (_MARGIN + self.headroom) * span
-
-
-def chart(
-    panels: Sequence[Panel],
-    width: float,
-    span: tuple[float, float],
-    axis: str,
-    label: str,
-    *,
-    marks: Sequence[float] = (),
-    whole: bool = False,
-) -> str:
+def svg(chart: Chart, width: float, window: Window | None = None) -> str:
     """
     Return a chart as an element of a page.
 
     Parameters
     ----------
-    panels
-        Panels from top to bottom.
+    chart
+        The chart.
     width
-        Width of the chart.
-    span
-        Lowest and highest value of the common axis.
-    axis
-        Quantity of the common axis, with its unit.
-    label
-        Content of the chart, for screen readers.
-    marks
-        Positions of vertical dotted lines through all panels.
-    whole
-        Whether the common axis has whole numbers only.
+        Width of the picture [CSS px]. Long curves are thinned to columns of two pixels.
+    window
+        Visible range of the horizontal axis; by default the whole range.
 
     """
+    span = chart.span if window is None else (window.begin, window.end)
+    panels = [replace(panel, curves=[_visible(curve, span, width) for curve in panel.curves]) for panel in chart.panels]
     right = width - _RIGHT
     total = _TOP + sum(panel.height for panel in panels) + _GAP * (len(panels) - 1) + _BOTTOM
     x_scale = _Scale(span, (_LEFT, right))
@@ -142,19 +61,33 @@ def chart(
         bottom = top + panel.height
         y_scale = _Scale(panel.range, (bottom, top))
         parts += _panel(panel, x_scale, y_scale)
+        marks = [mark for mark in chart.marks if span[0] < mark < span[1]]
         parts += [_line((x_scale(mark), top), (x_scale(mark), bottom), 'dotted', 0.5) for mark in marks]
-        ticks = ticks_of(span, max(2, round((right - _LEFT) / _APART)), whole)
+        ticks = ticks_of(span, max(2, round((right - _LEFT) / _APART)), chart.whole)
         parts += [_line((x_scale(tick), bottom), (x_scale(tick), bottom + _TICK), '', 0.35) for tick, _ in ticks]
         if panel is panels[-1]:
             parts += [_text(x_scale(tick), bottom + 17, number, 'middle') for tick, number in ticks]
         top = bottom + _GAP
-    parts.append(_text(right, total - 6, axis, 'end'))
+    parts.append(_text(right, total - 6, chart.axis, 'end'))
+    label = chart.label if window is None else f'{window.title}, {window.begin:.2f} to {window.end:.2f}. {chart.label}'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {total:g}" role="img" '
         f'aria-label="{escape(label)}" font-family="sans-serif" fill="none" stroke="currentColor">\n'
         + '\n'.join(parts)
         + '\n</svg>'
     )
+
+
+def _visible(curve: Curve, span: tuple[float, float], width: float) -> Curve:
+    """Return the visible part of a curve, thinned to pixel columns if it is long."""
+    if curve.style == 'dots':
+        every = slice(None, None, max(-(-curve.x.size // _MOST_FREE_DOTS), 1))
+        return replace(curve, x=curve.x[every], y=curve.y[every])
+    begin, end = np.searchsorted(curve.x, [span[0], np.nextafter(span[1], np.inf)]).tolist()
+    if curve.style == 'samples' and end - begin <= MOST_DOTS * width / _FULL_WIDTH:
+        return replace(curve, x=curve.x[begin:end], y=curve.y[begin:end], width=_DOT, style='dots')
+    x, y = thinned(curve.x[begin:end], curve.y[begin:end], int(width / _COLUMN))
+    return replace(curve, x=x, y=y, style='line')
 
 
 def ticks_of(span: tuple[float, float], most: int, whole: bool = False) -> list[tuple[float, str]]:
@@ -201,8 +134,18 @@ def _panel(panel: Panel, x_scale: _Scale, y_scale: _Scale) -> Iterator[str]:
         yield _line((left_edge, y_scale(level)), (right_edge, y_scale(level)), 'dashed', 1.0, colour)
     for curve in panel.curves:
         yield _curve(curve, x_scale, y_scale)
-    for begin, text in panel.labels:
+    for begin, text in _visible_labels(panel, x_scale):
         yield _text(x_scale(begin) + 4, top + 11, text, 'start')
+
+
+def _visible_labels(panel: Panel, x_scale: _Scale) -> Iterator[tuple[float, str]]:
+    """Yield each label from its visible begin, if there is room up to the next label or the end of the axis."""
+    low, high = x_scale.values
+    ends = [*(begin for begin, _ in panel.labels[1:]), high]
+    for (begin, text), end in zip(panel.labels, ends):
+        visible = max(begin, low), min(end, high)
+        if x_scale(visible[1]) - x_scale(visible[0]) > _LABEL_ROOM:
+            yield visible[0], text
 
 
 _INK = 'fill="currentColor" stroke="none"'
@@ -227,8 +170,9 @@ def _line(
 
 def _curve(curve: Curve, x_scale: _Scale, y_scale: _Scale) -> str:
     """Return a curve as a path of steps in fractions of a pixel."""
-    points = np.rint(_FINE * np.stack([x_scale(curve.x), y_scale(curve.y)], axis=1)).astype(np.int64)
-    if curve.dots:
+    y = np.clip(curve.y, *y_scale.values)  # spikes end at the edge of a robust panel
+    points = np.rint(_FINE * np.stack([x_scale(curve.x), y_scale(y)], axis=1)).astype(np.int64)
+    if curve.style == 'dots':
         path = ''.join(f'M{x} {y}h0' for x, y in points.tolist())
     elif len(points):
         (x, y), moves = points[0].tolist(), np.diff(points, axis=0)
