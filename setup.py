@@ -55,10 +55,14 @@ setup(
         ],
         # For identify_bag --each.
         'plant': ['cryptography>=3.4', 'dask>=2023.1', 'distributed>=2023.1', 'pyarrow>=12'],
+        # For zoom and cursor in the plots of report.html; only Bokeh's scripts are used.
+        'plots': ['bokeh>=3.4,<4'],
         # For Result.plot in Python.
         'plot': ['matplotlib>=3.5'],
         # colcon runs pytest because it stands here.
         'test': [
+            'axe-playwright-python',  # brings axe-core
+            'bokeh>=3.4,<4',
             'catkin_pkg',
             'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',

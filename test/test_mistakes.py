@@ -15,7 +15,7 @@ TRIED = {
     *(('tutorial', what) for what in ('pressures swapped', 'no set-points', 'the same twice', 'every fortieth row')),
     *(('tutorial', what) for what in ('inches read as mm, absolute psi as kPa', 'a sensor at its limit')),
     *(('rig', what) for what in ('everything in bar', 'half the area', 'force the other way')),
-    *(('measured', what) for what in ('upside down', 'displacement the other way')),
+    *(('measured', what) for what in ('upside down', 'displacement the other way', 'bar read as Pa')),
 }
 """
 One of each code that tells of a mistake; a sample of the others comes on top, and `make mistakes` makes all.

@@ -173,4 +173,4 @@ class Result:
         """Return the report page in a frame, or the tables if the loop was not closed."""
         if not self.identification.closed:
             return f'<pre>{escape(str(self))}</pre>'
-        return _FRAME.format(escape(report_page(self.identification, self._live)))
+        return _FRAME.format(escape(report_page(self.identification, self._live, scripts=None)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 from functools import cache
 from html import escape
@@ -24,6 +25,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.charts.chart import Chart, Curve, Panel
 from cfd_pneumatic.charts.svg import svg
 from cfd_pneumatic.charts.thinning import thinned
+from cfd_pneumatic.files import marked
 
 WIDE, NARROW, PANEL = 1000, 380, 340
 """Widths of static pictures: as wide as a page, as wide as a phone, and one of several side by side [CSS px]."""
@@ -32,21 +34,22 @@ MOST_POINTS = 32_000
 """Points of a curve in the page's data [1], a minute at 500 Hz; longer curves are thinned to minima and maxima."""
 
 SCRIPT_FILE = 'plots.js'
-"""File of the scripts that the pages of a folder share."""
+"""Name of the file of scripts that the pages of a plant share."""
 
 _VALUE_STEPS = (1 << 12) - 1  # a twelfth of a pixel in a plot 340 pixels high
 _TIME_STEPS = (1 << 24) - 1  # 4 us in a minute
+_MARK = '// plots of cfd_pneumatic'
 _BOKEH = ('bokeh.min.js', 'bokeh-api.min.js')
 
 
-def chart_element(chart: Chart) -> str:
-    """Return a figure of a page: the static pictures, the data of the plot, and the caption."""
+def chart_element(chart: Chart, *, has_plot: bool = True) -> str:
+    """Return a figure of a page: static pictures, the data of the plot if the page has plots, and the caption."""
     if chart.is_wide:
         pictures = f'<div class="wide">{svg(chart, WIDE)}</div>\n<div class="narrow">{svg(chart, NARROW)}</div>'
     else:
         pictures = svg(chart, PANEL)
     parts = [f'<figure class="chart">\n<div class="static">\n{pictures}\n</div>']
-    if has_plots():
+    if has_plot:
         data = json.dumps(_chart_data(chart), separators=(',', ':')).replace('<', '\\u003c')
         parts.append(f'<script type="application/json">{data}</script>')
     if chart.caption:
@@ -59,12 +62,8 @@ def _window_element(chart: Chart, rank: int) -> str:
     """Return a static figure of a window, which is not shown together with plots."""
     window = chart.windows[rank]
     caption = f'{window.begin:.2f} to {window.end:.2f} s: {window.title}.'
-    return f'<figure class="window static">\n{svg(chart, WIDE, window)}\n<figcaption>{escape(caption)}</figcaption>\n</figure>'
-
-
-def has_plots() -> bool:
-    """Return whether Bokeh is installed, whose scripts make the plots."""
-    return bool(_bokeh_scripts())
+    picture = svg(chart, WIDE, window)
+    return f'<figure class="window static">\n{picture}\n<figcaption>{escape(caption)}</figcaption>\n</figure>'
 
 
 def plot_scripts(shared: str = '') -> str:
@@ -74,21 +73,26 @@ def plot_scripts(shared: str = '') -> str:
     Parameters
     ----------
     shared
-        Relative address of a file that `write_scripts` wrote; empty to put the scripts into the page.
+        Relative address of a file with `shared_scripts`; empty to put the scripts into the page.
 
     """
-    if not has_plots():
+    if not _bokeh_scripts():
         return ''
-    return f'<script src="{escape(shared)}"></script>' if shared else f'<script>\n{_scripts()}\n</script>'
+    return f'<script src="{escape(shared)}"></script>' if shared else f'<script>\n{shared_scripts()}</script>'
 
 
-def write_scripts(folder: Path) -> Path | None:
-    """Write the scripts of the plots to a file that pages share; None if Bokeh is not installed."""
-    if not has_plots():
-        return None
-    path = folder / SCRIPT_FILE
-    path.write_text(_scripts(), encoding='utf-8')
-    return path
+@cache
+def shared_scripts() -> str:
+    """Return the scripts of the plots, for a file that pages share; empty if Bokeh is not installed."""
+    if not _bokeh_scripts():
+        return ''
+    paths = (*_bokeh_scripts(), Path(__file__).parent / SCRIPT_FILE)
+    scripts = '\n'.join(path.read_text(encoding='utf-8') for path in paths)
+    return f'{_MARK}\n{scripts}'.replace('</script', '<\\/script')
+
+
+is_script_file = marked(re.escape(_MARK))
+"""Recognise a file of scripts that this program wrote."""
 
 
 @cache
@@ -99,12 +103,6 @@ def _bokeh_scripts() -> tuple[Path, ...]:
         return ()
     paths = tuple(Path(spec.origin).parent / 'server' / 'static' / 'js' / name for name in _BOKEH)
     return paths if all(path.is_file() for path in paths) else ()
-
-
-@cache
-def _scripts() -> str:
-    paths = (*_bokeh_scripts(), Path(__file__).parent / SCRIPT_FILE)
-    return '\n'.join(path.read_text(encoding='utf-8') for path in paths).replace('</script', '<\\/script')
 
 
 def _chart_data(chart: Chart) -> dict[str, Any]:

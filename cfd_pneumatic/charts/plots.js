@@ -315,7 +315,6 @@ class Plot {
 
 async function start() {
   if (!window.Bokeh || !window.DecompressionStream || !window.IntersectionObserver) return;
-  Bokeh.set_log_level?.('error');
   document.documentElement.classList.add('plots');
   const plots = [];
   const observer = new IntersectionObserver(async entries => {

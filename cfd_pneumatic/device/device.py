@@ -234,16 +234,19 @@ class Device:
         check_switches(raw=raw, measured_pressures=measured_pressures)
         from cfd_pneumatic.device import simulation  # loads SciPy and the smoother, which no node needs
 
-        chosen = self._checked_setpoints(setpoints)
+        constant = self.constant_setpoints(recording, self._checked_setpoints(setpoints))
+        if raw:
+            return simulation.simulate_live(self.model, recording, constant)
+        return simulation.simulate_smoothed(self.model, recording, constant, measured_pressures)
+
+    def constant_setpoints(self, recording: Recording, chosen: Mapping[str, float]) -> dict[str, float]:
+        """Return the chosen gauge set-points, and the initial ones of cylinders without a recorded set-point [Pa]."""
         missing = {
             name: level
             for name, level in self.initial_setpoints.items()
             if name not in recording.cylinders or recording.cylinders[name].setpoint is None
         }
-        constant = {**missing, **chosen}
-        if raw:
-            return simulation.simulate_live(self.model, recording, constant)
-        return simulation.simulate_smoothed(self.model, recording, constant, measured_pressures)
+        return {**missing, **chosen}
 
     def _checked_setpoints(self, setpoints: Mapping[str, float] | None) -> dict[str, float]:
         """Return gauge set-points by cylinder [Pa]; refuse values that cannot be pascals."""

@@ -8,6 +8,7 @@ import numpy as np
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.device.device import Device
 from cfd_pneumatic.device.identified import estimated_setpoints
+from cfd_pneumatic.device.simulation import simulate_live
 from cfd_pneumatic.identification import Identification, PartError
 
 _MOST_SAMPLES = 2_000  # of the displacement that are compared
@@ -38,7 +39,8 @@ def live_errors(identification: Identification, device: Device) -> dict[str, Par
         last = min(last, first + remaining - 1, times.size - 1)
         remaining -= last - first + 1
         piece = recording.between(times[max(first - _LEAD, 0)], np.nextafter(times[last], np.inf))
-        live = device.simulate(piece, raw=True, setpoints=setpoints)
+        # estimated set-points of misread recordings may be ones that `Device.simulate` refuses
+        live = simulate_live(device.model, piece, device.constant_setpoints(piece, setpoints))
         for result, _ in compared:
             measured, simulated = result.channel.signal(recording), result.channel.signal(live)
             if measured is not None and simulated is not None:

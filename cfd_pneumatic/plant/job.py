@@ -51,6 +51,8 @@ class Job:
         Fingerprint of all that determines the results.
     overwrite
         Whether files in the folder are replaced even if this program did not write them.
+    scripts
+        Address, relative to the folder, of the scripts that the pages of the plant share; empty if they share none.
 
     """
 
@@ -59,6 +61,7 @@ class Job:
     settings: Settings
     fingerprint: str
     overwrite: bool = False
+    scripts: str = ''
 
 
 def earlier_rows(job: Job) -> list[Row] | None:
@@ -127,7 +130,7 @@ def _identify_bag(job: Job, folder: Path) -> list[Row]:
         identification = identify([recording], settings.options)
     except InputError as error:
         return [failed_row(str(error).removeprefix(f'{job.bag}: ')) | {'time': time}]
-    write_report(identification, folder)
+    write_report(identification, folder, scripts=job.scripts)
     report = json.loads((folder / REPORT_FILE).read_text(encoding='utf-8'))
     page = PAGE_FILE if (folder / PAGE_FILE).is_file() else REPORT_FILE
     return report_rows(report, time, page)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from distributed import Client, KilledWorker
 
+from cfd_pneumatic.charts import SCRIPT_FILE, is_script_file, shared_scripts
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files import ResultFiles, remove_abandoned, write_text
@@ -34,7 +35,9 @@ from cfd_pneumatic.reporting import is_page
 
 INDEX_FILE = 'index.html'
 
-FILES = ResultFiles({CSV_FILE: is_csv_table, PARQUET_FILE: is_parquet_table, INDEX_FILE: is_page})
+FILES = ResultFiles(
+    {CSV_FILE: is_csv_table, PARQUET_FILE: is_parquet_table, INDEX_FILE: is_page, SCRIPT_FILE: is_script_file}
+)
 """Files in the folder of a plant, with the marks that recognise them."""
 
 _MOST_NAMED = 10  # devices that a summary names
@@ -134,13 +137,16 @@ def survey(
     rows.sort(key=_sort_key)
     progress('writing the table', 1.0)
     files = write_table(rows, folder)
-    write_text(folder / INDEX_FILE, index_page(rows))
-    return Survey(tuple(rows), len(jobs) - len(remaining_jobs), (*files, folder / INDEX_FILE))
+    pages = {INDEX_FILE: index_page(rows)} | ({SCRIPT_FILE: shared_scripts()} if shared_scripts() else {})
+    for name, text in pages.items():
+        write_text(folder / name, text)
+    return Survey(tuple(rows), len(jobs) - len(remaining_jobs), (*files, *(folder / name for name in pages)))
 
 
 def _job(bag: PlantBag, settings: Settings, folder: Path, overwrite: bool) -> Job:
     path = bag.path.absolute()
-    return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings), overwrite)
+    scripts = '../' * len(Path(bag.folder).parts) + SCRIPT_FILE if shared_scripts() else ''
+    return Job(path, folder.absolute() / bag.folder, settings, fingerprint(path, settings), overwrite, scripts)
 
 
 def _remove_abandoned(jobs: Iterable[Job]) -> None:

@@ -33,7 +33,15 @@ _HEADROOM = 0.5  # share of an axis that is kept free for labels
 _LAGS = 60  # samples
 _LAGS_BEFORE = 20  # samples
 _LONGEST_CORRELATION = 500  # largest lag of the autocorrelation of residuals and inputs [samples]
-_PLOTTED_SIGNALS = ('position', 'piston speed', 'pressure', 'contact force', 'pressure difference', 'valve error', 'time')
+_PLOTTED_SIGNALS = (
+    'position',
+    'piston speed',
+    'pressure',
+    'contact force',
+    'pressure difference',
+    'valve error',
+    'time',
+)
 _SIGNAL_UNITS = {
     'position': (1e-3, ' [mm]'),
     'piston speed': (1e-3, ' [mm/s]'),

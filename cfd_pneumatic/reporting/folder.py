@@ -58,7 +58,7 @@ def file_names(recordings: int, *, closed: bool) -> list[str]:
 
 
 def write_report(
-    identification: Identification, folder: Path, *, full: bool = False, overwrite: bool = False
+    identification: Identification, folder: Path, *, full: bool = False, overwrite: bool = False, scripts: str = ''
 ) -> Written:
     """
     Write the result files of an identification; earlier files stay until the new files are complete.
@@ -75,6 +75,8 @@ def write_report(
         Whether `compare.mcap` holds every sample, regardless of the number.
     overwrite
         Whether files of these names are replaced even if this program did not write them.
+    scripts
+        Relative address of scripts that several pages share; empty to put the scripts into the page.
 
     Raises
     ------
@@ -83,11 +85,11 @@ def write_report(
 
     """
     with FILES.made_for(folder, overwrite=overwrite) as staged_folder:
-        written = _write_files(identification, staged_folder, full)
+        written = _write_files(identification, staged_folder, full, scripts)
     return written._replace(files=[folder / path.name for path in written.files])
 
 
-def _write_files(identification: Identification, folder: Path, full: bool) -> Written:
+def _write_files(identification: Identification, folder: Path, full: bool, scripts: str) -> Written:
     """Write the result files into an empty folder, the report last."""
     device = identified_device(identification)
     live = live_errors(identification, device)
@@ -99,7 +101,7 @@ def _write_files(identification: Identification, folder: Path, full: bool) -> Wr
     if identification.closed:
         bags = compare_files(identification, folder)
         with ThreadPoolExecutor(1) as executor:  # compiled code writes the bags and leaves a processor to the page
-            text = executor.submit(report_page, identification, live, run)
+            text = executor.submit(report_page, identification, live, run, scripts)
             if sum(len(recording.displacement) for recording in identification.recordings) > _MOST_PARALLEL:
                 text.result()
             complete = [write_comparison(bag, identification, index, run, full=full) for index, bag in enumerate(bags)]

@@ -28,6 +28,7 @@ from cfd_pneumatic.notices import NOTE, WARNING
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.advice import next_plan
+from cfd_pneumatic.reporting.summary import summarise
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
@@ -59,7 +60,7 @@ def report_page(
     identification: Identification,
     live: Mapping[str, PartError] = MappingProxyType({}),
     run: str = '',
-    shared_scripts: str = '',
+    scripts: str | None = '',
 ) -> str:
     """
     Return the report page of a closed loop.
@@ -70,16 +71,20 @@ def report_page(
         Results, and the errors of `sim_node` by channel.
     run
         Name of the run.
-    shared_scripts
-        Relative address of scripts that several pages share; empty to put the scripts into the page.
+    scripts
+        Relative address of scripts that several pages share; empty to put the scripts into the page; None for a page
+        with static pictures only.
 
     """
-    sections = [_section(result, live.get(result.name)) for result in identification.closed]
+    sections = [
+        _section(result, live.get(result.name)) | {'summary': summarise(result, identification)}
+        for result in identification.closed
+    ]
     return rendered(
         TEMPLATE,
         version=__version__,
         run=run,
-        scripts=plot_scripts(shared_scripts),
+        scripts='' if scripts is None else plot_scripts(scripts),
         recordings=identification.recordings,
         dates=[_date(recording) for recording in identification.recordings],
         warnings=[notice for notice in identification.notices if notice.level == WARNING],

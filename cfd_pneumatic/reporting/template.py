@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +54,7 @@ def rendered(template: str, *folders: Path, scripts: str = '', **values: Any) ->
     *folders
         Folders that are searched before the templates of this package.
     scripts
-        Elements at the end of the page.
+        Elements that load the scripts of the plots; empty for a page with static pictures.
     **values
         Values of the template.
 
@@ -67,7 +68,7 @@ def rendered(template: str, *folders: Path, scripts: str = '', **values: Any) ->
         bytecode_cache=_CompiledTemplates() if is_trusted(_COMPILED) else None,
     )
     templates.filters.update(
-        figure=chart_element,
+        figure=partial(chart_element, has_plot=bool(scripts)),
         number=number,
         percent=percent,
         reservation=reservation,

@@ -21,6 +21,7 @@ PROGRAM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome
 """Path of the browser; empty if none is installed."""
 
 _PATIENCE = 60.0  # [s]
+_POLL = 0.05  # [s]
 _FLAGS = (
     '--headless=new',
     '--no-sandbox',
@@ -114,6 +115,25 @@ class Chromium:
         result = self.call('Runtime.evaluate', expression=expression, returnByValue=True)
         assert 'exceptionDetails' not in result, result
         return result['result'].get('value')
+
+    def result(self, expression: str) -> Any:
+        """Return the result of a promise of JavaScript."""
+        result = self.call('Runtime.evaluate', expression=expression, returnByValue=True, awaitPromise=True)
+        assert 'exceptionDetails' not in result, result
+        return result['result'].get('value')
+
+    def wait_for(self, condition: str) -> None:
+        """Wait until an expression of JavaScript is true."""
+        limit = time.monotonic() + _PATIENCE
+        while not self.value(condition):
+            assert time.monotonic() < limit, f'{condition} did not become true within {_PATIENCE} s'
+            time.sleep(_POLL)
+
+    def press(self, key: str) -> None:
+        """Press and release a key, and wait until the page is drawn again."""
+        for kind in ('keyDown', 'keyUp'):
+            self.call('Input.dispatchKeyEvent', type=kind, key=key)
+        self.result('new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))')
 
     def heard(self, *methods: str) -> list[Mapping[str, Any]]:
         """Return the parameters of the events with these methods since the page was opened."""

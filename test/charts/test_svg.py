@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cfd_pneumatic.svg import Curve, Panel, chart, ticks_of
+from cfd_pneumatic.charts import Chart, Curve, Panel, Window, svg
+from cfd_pneumatic.charts.svg import ticks_of
 
 SVG = '{http://www.w3.org/2000/svg}'
 
@@ -40,9 +41,8 @@ def points(path: str) -> np.ndarray:
 def test_a_curve_is_drawn_to_a_tenth_of_a_pixel():
     x = np.linspace(2.0, 4.0, 500)
     y = np.sin(7.0 * x)
-    root = ElementTree.fromstring(
-        chart([Panel('<up> & down', 200.0, [Curve(x, y, 'red')])], 600, (2.0, 4.0), 's', 'a "sine"')
-    )
+    chart = Chart([Panel('<up> & down', 200.0, [Curve(x, y, 'red')])], (2.0, 4.0), 's', 'a "sine"')
+    root = ElementTree.fromstring(svg(chart, 1200))
     (path,) = (one for one in root.iter(f'{SVG}path') if one.get('stroke') == 'red')
     drawn = points(path.get('d'))
     assert np.allclose(np.interp(x, [2.0, 4.0], drawn[[0, -1], 0]), drawn[:, 0], atol=0.1)
@@ -55,4 +55,33 @@ def test_a_curve_is_drawn_to_a_tenth_of_a_pixel():
 def test_what_is_constant_or_empty_is_drawn_too():
     flat, none = np.full(3, 5.0), np.empty(0)
     for x, y in ((np.arange(3.0), flat), (none, none)):
-        ElementTree.fromstring(chart([Panel('', 100.0, [Curve(x, y, 'red')])], 300, (0.0, 2.0), '', ''))
+        ElementTree.fromstring(svg(Chart([Panel('', 100.0, [Curve(x, y, 'red')])], (0.0, 2.0), '', ''), 300))
+
+
+def heights(picture: str) -> np.ndarray:
+    (path,) = (one for one in ElementTree.fromstring(picture).iter(f'{SVG}path') if one.get('stroke') == 'red')
+    return points(path.get('d'))[:, 1]
+
+
+def test_a_spike_does_not_hide_the_curve():
+    x = np.linspace(0.0, 1.0, 900)
+    y = np.sin(40.0 * x)
+    y[450] = 1000.0
+    panels = {robust: Panel('', 100.0, [Curve(x, y, 'red')], robust=robust) for robust in (False, True)}
+    assert panels[True].range[1] < 2.0
+    assert panels[False].range[1] > 1000.0
+    robust, full = (heights(svg(Chart([panels[which]], (0.0, 1.0), '', ''), 2000)) for which in (True, False))
+    assert np.ptp(np.delete(robust, 450)) > 50.0
+    assert np.ptp(np.delete(full, 450)) < 1.0
+    assert robust[450] == pytest.approx(24.0)  # at the upper edge
+
+
+def test_a_window_shows_its_samples_as_dots():
+    x = np.linspace(0.0, 100.0, 20_000)
+    window = Window('here', 40.0, 41.0)
+    chart = Chart([Panel('', 100.0, [Curve(x, np.sin(x), 'red', style='samples')])], (0.0, 100.0), '', 'all')
+    whole, part = (ElementTree.fromstring(svg(chart, 1000, window)) for window in (None, window))
+    paths = [next(one for one in root.iter(f'{SVG}path') if one.get('stroke') == 'red') for root in (whole, part)]
+    assert 'h0' not in paths[0].get('d')
+    assert paths[1].get('d').count('h0') == np.count_nonzero((x >= 40.0) & (x <= 41.0))
+    assert part.get('aria-label').startswith('here, 40.00 to 41.00')

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from identified import closed, judged
 
+from cfd_pneumatic.charts import svg, thinned
 from cfd_pneumatic.identification.characteristic import Characteristic
 from cfd_pneumatic.reporting import figures
-from cfd_pneumatic.charts import thinned
 
 
 @pytest.fixture(scope='module')
@@ -68,16 +68,17 @@ def test_independent_series_with_memories_cross_the_threshold_seldom():
 
 def test_numbers_on_axes_are_whole(outcome):
     """0.025 must not become 0.02."""
-    picture = figures.correlation_pictures(outcome)[0]
-    ticks = [float(text.replace('−', '-')) for text in re.findall(r'>(−?\d+\.\d+)<', picture.wide)]
+    picture = svg(figures.correlation_charts(outcome)[0], 340)
+    ticks = [float(text.replace('−', '-')) for text in re.findall(r'>(−?\d+\.\d+)<', picture)]
     assert len(ticks) >= 3
     np.testing.assert_allclose(np.diff(sorted(ticks)), np.diff(sorted(ticks))[0], rtol=1e-6)
 
 
 def test_a_curve_that_leaves_out_nothing_visible_is_small(outcome):
-    picture = figures.record_picture(outcome, outcome.comparisons[0])
-    assert len(picture.wide) < 200_000
-    assert len(picture.narrow) < 0.6 * len(picture.wide)
+    chart = figures.record_chart(outcome, outcome.comparisons[0])
+    wide, narrow = (len(svg(chart, width)) for width in (1000, 380))
+    assert wide < 100_000
+    assert narrow < 0.6 * wide
 
 
 def test_the_zoom_shows_where_effects_take_most(outcome):
@@ -100,9 +101,9 @@ def test_a_law_is_drawn_with_its_band_and_grey_where_nobody_has_been():
     at = np.linspace(-1e-3, 1e-3, 41)
     value = 0.1 * np.exp(-((at / 3e-4) ** 2))
     law = Characteristic('gain', 'x', (), at, value, value - 0.02, value + 0.03, at > -5e-4, 0.5)
-    picture = figures.characteristic_picture(law)
-    for drawing in (picture.wide, picture.narrow):
+    chart = figures.characteristic_chart(law)
+    for drawing in (svg(chart, width) for width in (1000, 380)):
         assert 'stiffness K_x, more by [%]' in drawing
         assert 'displacement [mm]' in drawing
         assert (drawing.count(figures.MUTED), drawing.count(figures.AFTER)) == (1, 3)
-    assert 'sweeps up to 10 % more or less volume, depending on the place along the stroke' in picture.caption
+    assert 'sweeps up to 10 % more or less volume, depending on the place along the stroke' in chart.caption

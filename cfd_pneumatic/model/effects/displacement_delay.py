@@ -26,6 +26,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='displacement_delay',
     description='the displacement is reported late, by a filter or the clock of its sensor',
+    inspect='the filter and the clock of the displacement sensor',
     parameters=(EffectParameter('delay', 's', 0.0, 0.5, 0.0, 'dead time', least=SHORTEST),),
     equations=(r"x'(t) = x(t + delay)",),
     starts=starts,

@@ -21,6 +21,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='displacement_lag',
     description='the displacement sensor is a first-order lag',
+    inspect='the filter of the displacement sensor',
     parameters=(EffectParameter('lag', 's', 0.0, 1.0, 0.0, 'time constant'),),
     equations=(r"x' = x + lag\,\dot x",),
     starts=starts,

@@ -179,6 +179,8 @@ class Effect:
         Standard name, as in parameter files.
     description
         Meaning, in one line.
+    inspect
+        What to inspect on the machine if the effect is found.
     parameters
         Parameters in the order of the functions' arguments.
     states
@@ -237,6 +239,7 @@ class Effect:
     name: str
     description: str
     parameters: tuple[EffectParameter, ...]
+    inspect: str = ''
     starts: Callable[[Data], list[tuple[float, ...]]] = field(default=lambda data: [], repr=False)
     equations: tuple[str, ...] = field(default=(), repr=False)
     seen_against: str = 'time'

@@ -29,6 +29,7 @@ NEVER = 1e9
 EFFECT = Effect(
     name='flow_saturation',
     description='the largest flow is limited, separately for charging and exhausting',
+    inspect='the supply pressure, the size of the valves and the silencer',
     parameters=(
         EffectParameter('charge', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while charging', logarithmic=True),
         EffectParameter('exhaust', 'Pa/s', 1.0, NEVER, NEVER, 'largest rate while exhausting', logarithmic=True),

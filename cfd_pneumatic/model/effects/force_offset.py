@@ -21,6 +21,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='force_offset',
     description="the force sensor's zero is wrong",
+    inspect='the zero of the force sensor and the weight that hangs on it',
     parameters=(EffectParameter('offset', 'N', -1e4, 1e4, 0.0, 'reading without load'),),
     equations=(r"F' = F + offset",),
     starts=starts,

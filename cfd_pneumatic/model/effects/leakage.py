@@ -26,6 +26,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='leakage',
     description='air escapes from the chamber to ambient',
+    inspect='the piston seal and the fittings of the chamber',
     parameters=(
         EffectParameter(
             'conductance',

@@ -44,6 +44,7 @@ LOWEST = 10.0
 EFFECT = Effect(
     name='line_resonance',
     description='the line to the pressure sensor resonates',
+    inspect='the length and the diameter of the line to the pressure sensor',
     parameters=(
         EffectParameter('frequency', 'Hz', 1.0, HIGHEST, HIGHEST, 'natural frequency', logarithmic=True, least=LOWEST),
         # above 0.7 a resonance is not distinguishable from a lag

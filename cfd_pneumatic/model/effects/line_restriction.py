@@ -54,6 +54,7 @@ def fastest(speed: float, resistance: float, volume: float) -> float:
 EFFECT = Effect(
     name='line_restriction',
     description='laminar resistance between the regulator and the cylinder',
+    inspect='the line between regulator and cylinder: length, diameter, kinks',
     parameters=(
         EffectParameter('resistance', 's', 0.0, 1.0, 0.0, "pressure drop for each unit of the flow's pressure rate"),
         EffectParameter(

@@ -22,6 +22,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='lost_motion',
     description='backlash between the measured displacement and the piston',
+    inspect='the backlash between displacement sensor and piston: joints, mounting',
     parameters=(EffectParameter('width', 'm', 0.0, 0.1, 0.0, 'half of the backlash'),),
     equations=(r"x' \leftarrow \min(\max(x', x - width), x + width)",),
     starts=starts,

@@ -36,6 +36,7 @@ def as_constant(offset: float) -> tuple[float, ...]:
 EFFECT = Effect(
     name='moving_mass',
     description='inertia and weight of the parts that move between air and force sensor',
+    inspect='the mass of the parts between air and force sensor, and the mounting angle',
     parameters=(
         EffectParameter('mass', 'kg', 0.0, 100.0, 0.0, 'mass of the moving parts'),
         EffectParameter('inclination', 'rad', -1.6, 1.6, 0.0, 'angle of +x above the horizontal', choice=True),

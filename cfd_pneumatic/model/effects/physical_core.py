@@ -197,6 +197,7 @@ def fastest(speed: float, *parameters: float) -> float:
 EFFECT = Effect(
     name='physical_core',
     description="the paper's equations (1) to (11) without linearisation",
+    inspect='nothing on the machine: flows and stiffness depend on pressure and position',
     core=True,
     covers=('operating_point', 'volume_variation', 'heat_transfer'),
     parameters=(

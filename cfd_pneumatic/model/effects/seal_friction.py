@@ -42,6 +42,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='seal_friction',
     description='friction of the seals: Coulomb friction affine in gauge pressure, viscous friction, presliding',
+    inspect='the piston seal and the lubrication',
     parameters=(
         EffectParameter('coulomb', 'N', 0.0, 1e3, 0.0, 'Coulomb friction without pressure'),
         EffectParameter(

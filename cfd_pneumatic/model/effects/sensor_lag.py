@@ -37,6 +37,7 @@ def fastest(speed: float, lag: float) -> float:
 EFFECT = Effect(
     name='sensor_lag',
     description='the pressure sensor is a first-order lag',
+    inspect='the filter of the pressure sensor and the line to it',
     parameters=(EffectParameter('lag', 's', SHORTEST, 1.0, SHORTEST, 'time constant', logarithmic=True),),
     equations=(r'lag\,\dot s = p - s',),
     starts=starts,

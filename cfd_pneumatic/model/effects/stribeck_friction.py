@@ -37,6 +37,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='stribeck_friction',
     description='slow seals have more friction than fast seals',
+    inspect='the piston seal and the lubrication',
     parameters=(
         EffectParameter('breakaway', 'N', 0.0, 1e3, 0.0, 'friction in addition to seal friction at zero speed'),
         EffectParameter(

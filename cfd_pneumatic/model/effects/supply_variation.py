@@ -24,6 +24,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='supply_variation',
     description='a slow oscillation of the supply pressure moves the regulated pressure',
+    inspect='the compressor, and other consumers on the supply',
     parameters=(
         EffectParameter('in_phase', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the sine'),
         EffectParameter('quadrature', 'Pa', -1e5, 1e5, 0.0, 'amplitude of the cosine'),

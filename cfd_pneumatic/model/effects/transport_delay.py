@@ -15,6 +15,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='transport_delay',
     description='dead time of the pressure relative to displacement and set-point, of either sign',
+    inspect='the clocks and filters of the pressure and displacement signals',
     parameters=(EffectParameter('delay', 's', -SHORTEST, 0.5, 0.0, 'delay of the recorded pressure'),),
     equations=(r's(t) = p(t - delay)',),
     starts=starts,

@@ -21,6 +21,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='valve_dead_band',
     description='no flow while the error is within a band',
+    inspect='the dead band of the regulator: its data sheet and dirt in its valves',
     parameters=(EffectParameter('band', 'Pa', 0.0, 1e5, 0.0, 'half width of the band'),),
     equations=(r"e' = e - \min(\max(e, -band), band)",),
     starts=starts,

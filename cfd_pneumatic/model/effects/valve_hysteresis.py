@@ -21,6 +21,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='valve_hysteresis',
     description='the valves follow the error with backlash',
+    inspect='the valves of the regulator: stiction and dirt',
     parameters=(EffectParameter('width', 'Pa', 0.0, 1e5, 0.0, 'half width of the backlash'),),
     equations=(r"e' \leftarrow \min(\max(e', e - width), e + width)",),
     starts=starts,

@@ -36,6 +36,7 @@ def quickens(pressure: float, x: float, k_x: float, slope: float) -> float:
 EFFECT = Effect(
     name='volume_variation',
     description="the chamber's volume changes with displacement, and all gains with it",
+    inspect='the dead volume of chamber and line, and the zero of the displacement',
     parameters=(EffectParameter('slope', '1/m', -1e3, 1e3, 0.0, 'A / V0: change of volume with displacement'),),
     equations=(r"K' = \frac{K}{\max(1 + slope\,x,\,0.05)}, \qquad K = K_x, K_{sv}, K_v",),
     starts=starts,
