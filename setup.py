@@ -18,6 +18,7 @@ setup(
         PACKAGE: ['py.typed', 'help/*.txt'],
         f'{PACKAGE}.charts': ['*.js'],
         f'{PACKAGE}.generator': ['*.jinja'],
+        f'{PACKAGE}.planning': ['templates/*'],
         f'{PACKAGE}.plant': ['templates/*'],
         f'{PACKAGE}.reporting': ['templates/*'],
     },

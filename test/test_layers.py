@@ -44,7 +44,7 @@ BELOW = {
         'model',
         'rig',
     },
-    'planning': {'charts', 'device', 'identification', 'recording', 'messages', 'model'},
+    'planning': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'plant': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'monitoring': {'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'reporting': {'charts', 'device', 'identification', 'recording', 'messages', 'model'},

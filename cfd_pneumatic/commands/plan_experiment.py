@@ -79,7 +79,7 @@ def _sampling_advice(wanted: Sequence[str], sample_rate: float) -> str:
 def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     from cfd_pneumatic.model import NAMES
-    from cfd_pneumatic.planning import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE, Limits, Sensing
+    from cfd_pneumatic.planning import PAGE_FILE, PLAN_FILE, SCHEDULE_FILE, Limits, Sensing
 
     limits = Limits((0.0, 0.0))
     sensing = Sensing()
@@ -88,7 +88,7 @@ def make_parser() -> argparse.ArgumentParser:
         'Propose displacements and set-points that make parameters and effects identifiable within the '
         'limits of the cell. Predicts the standard error of each parameter, and the visible effects. Writes '
         f'{SCHEDULE_FILE} (time [s], displacement [m], velocity [m/s], gauge set-points [Pa]) for a robot and for '
-        f'rig_node, {PLAN_FILE} and {PICTURE_FILE}.',
+        f'rig_node, {PAGE_FILE} and {PLAN_FILE}.',
     )
     parser.add_argument(
         'parameters', type=Path, metavar='PARAMETERS', help='parameter file of sim_node, as written by identify_bag'

@@ -22,10 +22,11 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.planning.experiment_plan import WANTED, Plan, plan
     from cfd_pneumatic.planning.limits import Limits, Sensing
-    from cfd_pneumatic.planning.names import PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
+    from cfd_pneumatic.planning.names import PAGE_FILE, PICTURE_FILE, PLAN_FILE, SCHEDULE_FILE
     from cfd_pneumatic.planning.planned_device import read_report, usual_pressures
     from cfd_pneumatic.planning.prediction import EffectPrediction
     from cfd_pneumatic.planning.report import FILES as PLAN_FILES
-    from cfd_pneumatic.planning.report import print_plan, smallest_strength_text, write_plan
+    from cfd_pneumatic.planning.report import print_plan, write_plan
+    from cfd_pneumatic.planning.texts import smallest_strength_text
 else:
     __getattr__ = loader_of(__name__)

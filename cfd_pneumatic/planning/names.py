@@ -4,3 +4,4 @@
 SCHEDULE_FILE = 'schedule.csv'
 PLAN_FILE = 'plan.json'
 PICTURE_FILE = 'schedule.svg'
+PAGE_FILE = 'plan.html'

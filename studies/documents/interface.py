@@ -344,8 +344,8 @@ def _files() -> Iterable[str]:
     yield (
         f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON; their keys end in their '
         'units. [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
-        f'(../../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, as '
-        'above.'
+        f'(../../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, '
+        'as above.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
     yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and valid from their time on: {columns}.'
