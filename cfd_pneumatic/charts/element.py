@@ -114,6 +114,7 @@ def _chart_data(chart: Chart) -> dict[str, Any]:
         'label': chart.label,
         'marks': list(chart.marks),
         'whole': chart.whole,
+        'wide': chart.is_wide,
         'clock': chart.clock,
         'windows': [[window.title, window.begin, window.end] for window in chart.windows],
         'panels': [_panel_data(panel, columns) for panel in chart.panels],

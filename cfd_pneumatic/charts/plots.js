@@ -184,9 +184,11 @@ class Plot {
       element.addEventListener('click', () => act(element));
       bar.append(element);
     };
-    button('Zoom in', () => this.zoom(1 / ZOOM));
-    button('Zoom out', () => this.zoom(ZOOM));
-    button('Whole', () => this.show(...this.data.span));
+    if (this.data.wide) {
+      button('Zoom in', () => this.zoom(1 / ZOOM));
+      button('Zoom out', () => this.zoom(ZOOM));
+      button('Whole', () => this.show(...this.data.span));
+    }
     for (const [title, begin, end] of this.data.windows) {
       const margin = 0.05 * (end - begin);
       button(title, () => this.show(begin - margin, end + margin));
@@ -199,7 +201,8 @@ class Plot {
       }, this.full);
     }
     this.reading = document.createElement('output');
-    this.reading.textContent = 'Point at a curve to read its values. Drag to zoom; keys: arrows, + and −, Home.';
+    this.reading.textContent = this.data.wide
+      ? 'Point at a curve to read its values. Drag to zoom; keys: arrows, + and −, Home.' : 'Point at a curve.';
     this.live.append(bar, this.reading);
     Object.assign(this.live, {tabIndex: 0, onkeydown: event => this.press(event)});
     this.live.setAttribute('role', 'group');

@@ -101,6 +101,11 @@ def make_parser() -> argparse.ArgumentParser:
         'docs/how_to/add_an_effect.md',
     )
     parser.add_argument(
+        '--verbose',
+        action='store_true',
+        help='print parameters, errors and candidate effects as tables (default: a summary; the report has all)',
+    )
+    parser.add_argument(
         '--full',
         action='store_true',
         help='write every sample to compare.mcap (default: minima and maxima above 2 million messages)',
@@ -235,7 +240,7 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
     from cfd_pneumatic.identification import identify
     from cfd_pneumatic.recording import read_recording
     from cfd_pneumatic.reporting import REPORT_FILES as FILES
-    from cfd_pneumatic.reporting import draft_effect, file_names, next_plan, print_report, write_report
+    from cfd_pneumatic.reporting import draft_effect, file_names, next_plan, print_report, print_summary, write_report
     from cfd_pneumatic.terminal import terminal
 
     names = file_names(len(arguments.bags), closed=options.close_loop)
@@ -262,13 +267,16 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         verdicts = {name: conclusion.verdict for name, conclusion in conclusions.items() if conclusion is not None}
         print(json.dumps({PROGRESS_KEY: 1.0, 'what': 'done', CHECKSUM_KEY: written.checksum, 'verdicts': verdicts}))
     else:
-        print_report(identification, terminal(), written.live)
-        print(f'written: {", ".join(map(str, written.files))}')
+        if arguments.verbose:
+            print_report(identification, terminal(), written.live)
+        else:
+            print_summary(identification, terminal())
         if not written.complete:
             print('The recording is long: compare.mcap holds minima and maxima only. Use --full to write every sample.')
         command = next_plan(identification, arguments.output)
         if command is not None:
             print(f'To plan the next experiment: {command}')
+        _print_files(written.files)
     if arguments.draft_effect is not None:
         text = draft_effect(identification, arguments.draft_effect.stem)
         make_folder(arguments.draft_effect.parent)
@@ -276,6 +284,13 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
             arguments.draft_effect, never, overwrite=arguments.overwrite
         )  # another program may have written the file meanwhile
         write_text(arguments.draft_effect, text)
+
+
+def _print_files(files: Sequence[Path]) -> None:
+    """Print where the results are, the report last."""
+    uses = {'.yaml': 'parameters for sim_node and monitor_node', '.mcap': 'curves for PlotJuggler and Foxglove'}
+    for path in sorted(files, key=lambda path: path.suffix == '.html'):
+        print(f'{uses.get(path.suffix, "report" if path.suffix == ".html" else "numbers for programs")}: {path}')
 
 
 def _print_recordings(recordings: Sequence[Recording], options: Options) -> None:

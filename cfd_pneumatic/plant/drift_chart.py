@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Small charts of a value over all bags, as SVG of few bytes, because a page has thousands of charts."""
+"""Charts of a value over all bags of a device."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from html import escape
-from itertools import pairwise
 
-WIDTH, HEIGHT = 600, 120
-"""Size of the charts in whole numbers. The page scales the charts."""
+import numpy as np
 
-_EDGE = 8
+from cfd_pneumatic import charts
+from cfd_pneumatic.arrays import Array
+
+_HEIGHT = 90  # of the axes [CSS px]
 _LEAST_SPAN = 0.02  # share of a value; a smaller variation appears as a flat line
+_COLOURS = {'before': 'var(--before)', 'after': 'var(--after)'}
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Curve:
     Attributes
     ----------
     key
-        CSS class of the colour: `before` or `after`.
+        Name of the colour: `before` or `after`.
     values, stds
         Values and standard errors; None for a missing value.
 
@@ -39,77 +40,53 @@ class Curve:
         return [value for value in self.values if value is not None]
 
 
-def drift_chart(positions: Sequence[float], curves: Sequence[Curve], marks: Sequence[int], label: str) -> str:
+def drift_chart(
+    positions: Sequence[float], axis: str, curves: Sequence[Curve], marks: Sequence[int], title: str, label: str
+) -> charts.Chart:
     """
-    Return a chart as SVG.
+    Return the chart of a value.
 
     Parameters
     ----------
-    positions
-        Horizontal position of each value, from 0 (left edge) to 1.
+    positions, axis
+        Horizontal position of each value, and the quantity of the positions with its unit.
     curves
-        Lines with a value for each position. A band shows one standard error to both sides.
+        Lines with a value for each position. Thin lines show one standard error to both sides.
     marks
         Indices of the positions with a vertical line.
+    title
+        Quantity of the values, with its unit.
     label
         Description of the chart for screen readers.
 
     """
-    x = [round(_EDGE + position * (WIDTH - 2 * _EDGE)) for position in positions]
-    low, high = _span(curves)
-
-    def y(value: float) -> int:
-        return round(HEIGHT - _EDGE - (value - low) / (high - low) * (HEIGHT - 2 * _EDGE))
-
-    bands, lines = [], []
-    for curve in curves:
-        runs = list(_runs(curve))
-        upper = [[(x[index], y(value + std)) for index, value, std in run] for run in runs]
-        lower = [[(x[index], y(value - std)) for index, value, std in run] for run in runs]
-        bands.append(_path('band', curve.key, [[*above, *below[::-1]] for above, below in zip(upper, lower)]))
-        points = [[(x[index], y(value)) for index, value, _ in run] for run in runs]
-        lines.append(_path('line', curve.key, [run for run in points if len(run) > 1]))
-        lines.append(_path('dot', curve.key, [run for run in points if len(run) == 1]))
-    verticals = ''.join(f'M{x[mark]} 0v{HEIGHT}' for mark in marks)
-    marked = f'<path class="mark" d="{verticals}"/>' if verticals else ''
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" preserveAspectRatio="none" role="img" aria-label="{escape(label)}">'
-        f'{"".join(bands)}{marked}{"".join(lines)}</svg>'
+    x = np.array(positions, dtype=np.float64)
+    margin = 0.02 * float(np.ptp(x)) or 0.5
+    panel = charts.Panel(title, _HEIGHT, [line for curve in curves for line in _lines(x, curve)], ticks=4)
+    low, high = panel.full_range
+    middle = 0.5 * (low + high)
+    if high - low < _LEAST_SPAN * abs(middle):
+        flat = [(middle * (1.0 + sign * 0.5 * _LEAST_SPAN), 'transparent') for sign in (-1.0, 1.0)]
+        panel = charts.Panel(title, _HEIGHT, panel.curves, ticks=4, levels=flat)
+    return charts.Chart(
+        [panel],
+        (float(x.min()) - margin, float(x.max()) + margin),
+        axis,
+        label,
+        marks=[float(x[mark]) for mark in marks],
+        is_wide=False,
     )
 
 
-def _span(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Return the lowest and the highest value that the chart shows."""
-    edges = [
-        value + sign * std for curve in curves for run in _runs(curve) for _, value, std in run for sign in (-1.0, 1.0)
-    ]
-    low, high = min(edges), max(edges)
-    middle = (low + high) / 2.0
-    half = max((high - low) / 2.0, _LEAST_SPAN / 2.0 * abs(middle)) or 1.0
-    return middle - half, middle + half
-
-
-def _runs(curve: Curve) -> Iterator[list[tuple[int, float, float]]]:
-    """Yield runs of consecutive values with their indices and standard errors."""
-    run: list[tuple[int, float, float]] = []
-    for index, (value, std) in enumerate(zip(curve.values, curve.stds)):
-        if value is not None:
-            run.append((index, value, std or 0.0))
-        elif run:
-            yield run
-            run = []
-    if run:
-        yield run
-
-
-def _path(kind: str, key: str, runs: Sequence[Sequence[tuple[int, int]]]) -> str:
-    """Return an SVG path through runs of points, empty without runs. A single point becomes a line of zero length."""
-    commands = ''
-    for run in runs:
-        commands += f'M{run[0][0]} {run[0][1]}'
-        if len(run) == 1:
-            commands += 'h0'
-        for (x, y), (next_x, next_y) in pairwise(run):
-            across, down = next_x - x, next_y - y
-            commands += f'l{across}{"" if down < 0 else " "}{down}'
-    return f'<path class="{kind} {key}" d="{commands}"/>' if commands else ''
+def _lines(x: Array, curve: Curve) -> Iterator[charts.Curve]:
+    """Yield the lines of a curve: one standard error to both sides, the values, and a dot for each value."""
+    colour = _COLOURS[curve.key]
+    present = [index for index, value in enumerate(curve.values) if value is not None]
+    at, values = x[present], np.array(curve.present_values)
+    stds = np.array([curve.stds[index] or 0.0 for index in present])
+    if np.any(stds):
+        for bound in (values - stds, values + stds):
+            yield charts.Curve(at, bound, colour, 0.5)
+    name = {'before': 'without effects', 'after': 'with effects'}[curve.key]
+    yield charts.Curve(at, values, colour, 1.6, name=name)
+    yield charts.Curve(at, values, colour, 4.0, 'dots')

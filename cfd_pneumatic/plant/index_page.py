@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cfd_pneumatic import __version__
+from cfd_pneumatic.charts import SCRIPT_FILE, plot_scripts
 from cfd_pneumatic.identification import number, readable_name
 from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.model import EFFECTS, SPECS
@@ -25,6 +26,7 @@ from cfd_pneumatic.reporting import rendered
 TEMPLATES = Path(__file__).parent / 'templates'
 TEMPLATE = 'index.html.jinja'
 
+_DAY = 86_400e9  # [ns]
 _VERDICTS = ('unexplained', 'shape_found', 'effect_added', 'insufficient_data', 'no_missing_effect', 'fitted', 'failed')
 
 
@@ -55,6 +57,7 @@ def index_page(rows: Sequence[Row]) -> str:
     return rendered(
         TEMPLATE,
         TEMPLATES,
+        scripts=plot_scripts(SCRIPT_FILE),
         version=__version__,
         bags=sum(len(device.bags) for device in plant),
         begin=_date(min((row['time'] for row in rows if row.get('time')), default=None)),
@@ -132,7 +135,7 @@ def _part_entry(part: Part) -> dict[str, Any]:
         'name': part.name,
         'latest': part.latest,
         'verdict': verdict_description(part.latest),
-        'charts': [_chart(drift, positions, changed) for drift in drifts],
+        'charts': [_chart(drift, part.rows, changed) for drift in drifts],
         'trends': list(_trends(drifts, positions)),
         'span': [_date(part.rows[0].get('time')), _date(part.rows[-1].get('time'))],
     }
@@ -229,19 +232,27 @@ def _effect_drifts(rows: Sequence[Row]) -> Iterator[Drift]:
             yield Drift(full_name, parameter.description, parameter.unit, (Curve('after', values, stds),))
 
 
-def _chart(drift: Drift, positions: Sequence[float], changed: Sequence[int]) -> dict[str, Any]:
+def _chart(drift: Drift, rows: Sequence[Row], changed: Sequence[int]) -> dict[str, Any]:
     """Return the template values of a chart and its caption."""
     last = drift.curves[-1] if drift.curves[-1].values[-1] is not None else drift.curves[0]
     value, std = last.values[-1], last.stds[-1]
     values = [present for curve in drift.curves for present in curve.present_values]
     value_range = f'{number(min(values), 3)} to {number(max(values), 3)}'
-    label = f'{drift.name} over {len(positions)} bags: {value_range} {drift.unit}'
+    label = f'{drift.name} over {len(rows)} bags: {value_range} {drift.unit}'
     return {
         'name': drift.name,
         'description': drift.description,
         'unit': drift.unit,
         'value': value,
-        'relative_std': abs(std / value) if std and value else None,
+        'std': std,
         'range': value_range,
-        'svg': drift_chart(positions, drift.curves, changed, label),
+        'chart': drift_chart(*_axis(rows), drift.curves, changed, f'{drift.name} [{drift.unit}]', label),
     }
+
+
+def _axis(rows: Sequence[Row]) -> tuple[list[float], str]:
+    """Return the position of each bag and the quantity of the positions: days, or ranks if a time is missing."""
+    times = [row['time'] for row in rows if row.get('time') is not None]
+    if len(times) < len(rows) or len(set(times)) < len(times):
+        return [float(rank) for rank in range(1, len(rows) + 1)], 'bag'
+    return [(time - times[0]) / _DAY for time in times], f'time since {_date(times[0])} UTC [days]'

@@ -10,7 +10,7 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.reporting.advice import next_plan
     from cfd_pneumatic.reporting.comparison import MEASURED, RESIDUAL, SIMULATED
-    from cfd_pneumatic.reporting.console import print_report
+    from cfd_pneumatic.reporting.console import print_report, print_summary
     from cfd_pneumatic.reporting.data import report_data
     from cfd_pneumatic.reporting.draft import draft_effect
     from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES

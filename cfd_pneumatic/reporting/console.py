@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -20,10 +21,12 @@ from cfd_pneumatic.identification import (
     percent,
     reservation,
     sentence,
+    title,
     verdict,
 )
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
+from cfd_pneumatic.reporting.summary import summarise
 from cfd_pneumatic.terminal import table
 from cfd_pneumatic.units import PSI
 
@@ -36,19 +39,47 @@ _STYLES = {
 _LEAST_BIC = 0.0  # effects that do not lower the criterion are listed in the report only
 
 
-def print_report(
-    identification: Identification, console: Console, live: Mapping[str, PartError] = MappingProxyType({})
-) -> None:
-    """Print data checks, parameters, errors and verdicts; `live` has the errors of `sim_node` by channel."""
+def print_summary(identification: Identification, console: Console) -> None:
+    """Print data checks, and the summary of each channel; parameters and errors if the loop was not closed."""
+    if not identification.closed:
+        print_report(identification, console)
+        return
+    _print_data_checks(identification, console)
+    for result in identification.closed:
+        summary = summarise(result, identification)
+        console.print()
+        heading = f'{title(result.name)}: {verdict(result.findings.verdict)}{reservation(result.findings)}.'
+        console.print(Text(heading, _STYLES.get(result.findings.verdict, 'bold')))
+        for name, text in zip(('What', 'How sure', 'Cost', 'Next'), summary):
+            console.print(Padding(_labelled(name, text), (0, 0, 0, 2)))
+
+
+def _labelled(name: str, text: str) -> Table:
+    """Return a label and a text that wraps next to the label."""
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    grid.add_column(width=8)
+    grid.add_column()
+    grid.add_row(name, Text(text))
+    return grid
+
+
+def _print_data_checks(identification: Identification, console: Console) -> None:
     for recording in identification.recordings:
         for note in _merge_notes(recording.health):
             console.print(f'{recording.name}: {note}', style='yellow')
     for notice in identification.notices:
         style = 'bold red' if notice.level == WARNING else 'yellow'
         console.print(f'{notice.level}: {notice}', style=style)
+
+
+def print_report(
+    identification: Identification, console: Console, live: Mapping[str, PartError] = MappingProxyType({})
+) -> None:
+    """Print data checks, parameters, errors and verdicts; `live` has the errors of `sim_node` by channel."""
+    _print_data_checks(identification, console)
     for cylinder, result in identification.cylinders.items():
-        for title, estimates in _reported_gains(cylinder, result):
-            console.print(_parameter_table(title, estimates))
+        for heading, estimates in _reported_gains(cylinder, result):
+            console.print(_parameter_table(heading, estimates))
         for note in result.notes:
             console.print(note, style='yellow')
         console.print(_error_table(cylinder, result))
@@ -142,17 +173,17 @@ def _reported_gains(cylinder: str, result: ChannelResult) -> list[tuple[str, Seq
     if result.added:
         references = [f'{numbers[0] / 1e3:.1f} kPa absolute' for numbers in result.found.model.core.values()]
         operating_point = references[0] if references else 'every set-point'
-        title = f'{cylinder} at {operating_point}, with {", ".join(result.added)}'
-        return [(title, result.found.estimates[: len(SPECS)])]
+        heading = f'{cylinder} at {operating_point}, with {", ".join(result.added)}'
+        return [(heading, result.found.estimates[: len(SPECS)])]
     return [
         (f'{cylinder} at {point.setpoint / 1e3:.1f} kPa ({point.setpoint / PSI:.2f} psi) gauge', point.fit.estimates)
         for point in result.schedule
     ]
 
 
-def _parameter_table(title: str, estimates: Sequence[Estimate]) -> Table:
+def _parameter_table(heading: str, estimates: Sequence[Estimate]) -> Table:
     headings = ('parameter', 'value', 'standard error', '95 % interval', 'unit', "in the paper's unit")
-    gains = table(title, *headings, words=('parameter', 'unit'))
+    gains = table(heading, *headings, words=('parameter', 'unit'))
     for spec, estimate in zip(SPECS, estimates):
         if estimate.value is None or estimate.std is None or estimate.interval is None:
             gains.add_row(spec.name, 'not identifiable', '', '', '', '')

@@ -119,7 +119,8 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
     text = f'The predicted force is {after} off.'
     if result.findings.effects or result.findings.unknown is not None:
-        text = f'The predicted force is {before} off without it, {after} with it.'
+        names = 'them' if len(result.findings.effects) > 1 else 'it'
+        text = f'The predicted force is {before} off without {names}, {after} with {names}.'
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The summary answers four questions, whatever the verdict is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identified import closed, judged, with_force
+
+from cfd_pneumatic.device import force_per_speed
+from cfd_pneumatic.identification import Geometry
+from cfd_pneumatic.identification.characteristic import Characteristic
+from cfd_pneumatic.model import CORES, EFFECTS, Cylinder, OperatingPoints
+from cfd_pneumatic.notices import warning
+from cfd_pneumatic.reporting.summary import force_per_pressure, noise_ratio, summarise
+
+
+def summary_of(identification, name='cylinder_a'):
+    return summarise(identification.channels[name], identification)
+
+
+def changed(**values):
+    """Return an identification with another conclusion on cylinder A."""
+    found = closed()
+    result = found.channels['cylinder_a']
+    conclusion = replace(result.conclusion, **values)
+    return replace(found, channels={**found.channels, 'cylinder_a': replace(result, conclusion=conclusion)})
+
+
+def test_an_effect_is_named_with_what_to_inspect():
+    summary = summary_of(closed())
+    assert summary.missing == 'Missing effect: droop.'
+    assert summary.certainty.startswith('Confirmed. The error falls to ')
+    assert summary.next == f'Inspect {EFFECTS["droop"].inspect}.'
+
+
+def test_a_tie_names_both_and_what_decides():
+    tie = changed(alternatives={'droop': ('heat_transfer',)}, next_experiment='quick strokes')
+    summary = summary_of(tie)
+    assert summary.missing == 'Missing effect: droop or heat transfer. This recording cannot distinguish them.'
+    assert EFFECTS['heat_transfer'].inspect in summary.next
+    assert summary.next.endswith('To decide, record quick strokes.')
+
+
+def test_several_effects_of_the_force_are_named_together():
+    summary = summary_of(with_force(closed()), 'force')
+    assert summary.missing == 'Missing effect: seal friction.'
+    assert ' N off without it, ' in summary.cost
+    assert 'mm/s' not in summary.cost
+
+
+def test_an_unexplained_error_has_a_size_and_the_strongest_hint():
+    found = judged(closed(), 'unexplained', 'who knows')
+    result = found.channels['cylinder_a']
+    drift = 2e3 * np.linspace(-1.0, 1.0, result.comparisons[0].times.size)
+    comparison = replace(result.comparisons[0], after=result.comparisons[0].after - drift)
+    errors = {part: replace(error, rmse=1e3) for part, error in result.after.items()}
+    drifting = replace(
+        result, comparisons=(comparison,), after=errors, conclusion=replace(result.conclusion, effects=(), unknown=None)
+    )
+    summary = summarise(drifting, found)
+    assert summary.missing == f'Not explained. The error is {1e3 / result.noise.std:.2g} times the sensor noise.'
+    assert 'The remaining error depends on time: ' in summary.next
+    assert 'temperature, supply' in summary.next
+
+
+def test_nothing_missing_is_worded_as_success():
+    found = changed(verdict='no_missing_effect', effects=(), unknown=None)
+    summary = summary_of(found)
+    assert summary.missing.startswith('Nothing is missing. The model explains the recording ')
+    assert summary.next == 'No inspection is needed.'
+    ratio = noise_ratio(found.channels['cylinder_a'])
+    assert (f'to within {ratio:.2f} times' in summary.missing) == (ratio > 1.0)
+
+
+def test_a_curve_is_described_with_its_place():
+    at = np.linspace(-1e-3, 1e-3, 5)
+    curve = Characteristic('gain', 'x', (), at, 0.1 + 0.0 * at, 0.0 * at, 0.2 + 0.0 * at, at > -1.0, 0.5)
+    summary = summary_of(changed(verdict='shape_found', effects=(), unknown=curve))
+    assert summary.missing == f'Unknown cause: {curve.description}.'
+    assert summary.next == 'Inspect the bore, the seal and the chamber walls.'
+
+
+def test_doubtful_data_come_before_an_inspection():
+    found = replace(
+        changed(has_warning=True), notices=(warning('unit_suspect', 'the stroke is 12 m', 'set `unit: mm`'),)
+    )
+    summary = summary_of(found)
+    assert summary.certainty.startswith('Uncertain')
+    assert summary.next == 'First set `unit: mm`.'
+
+
+def test_too_short_a_recording_says_what_to_record():
+    summary = summary_of(changed(verdict='insufficient_data', effects=(), why='too short', next_experiment='strokes'))
+    assert summary == ('Too short.', 'No answer: the recording is too short.', summary.cost, 'Record strokes.')
+
+
+@pytest.mark.parametrize('growing', [True, False])
+def test_the_force_per_speed_is_that_of_the_simulated_cylinder(growing):
+    """A long even motion, simulated with the paper's equations."""
+    gains = np.array([1.5e6, 20.0, 5.0, 0.01])
+    points = OperatingPoints.from_rows({
+        'setpoints': (7e4,), **{name: (value,) for name, value in zip(('k_x', 'k_sv', 'k_v', 'tau'), gains)}
+    })  # fmt: skip
+    times = np.linspace(0.0, 4.0, 4001)
+    speed = 2e-3 if growing else -2e-3
+    pressure = Cylinder(points, 1e5).simulate(times, speed * times, np.full(times.size, 1.7e5))
+    force = abs(pressure[-1] - 1.7e5) * 1e-3
+    expected = force_per_speed(gains, 1e-3)
+    assert (expected.growing if growing else expected.shrinking) == pytest.approx(force / 2e-3, rel=1e-6)
+
+
+def test_an_unknown_area_is_named():
+    found = replace(closed(), options=replace(closed().options, area=None))
+    assert ('Assumed piston area' in summary_of(found).cost) == (found.geometry.area is None)
+    assert force_per_pressure(Geometry(2e-3, -1.5)) == pytest.approx(3e-3)
+
+
+def test_every_effect_names_what_to_inspect():
+    assert [name for name, effect in {**EFFECTS, **CORES}.items() if not effect.inspect] == []
