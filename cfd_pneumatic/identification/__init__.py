@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         sentence,
         title,
         title_of_test,
+        uncertainty,
         unit,
         verdict,
     )

@@ -34,6 +34,7 @@ TESTS = {
 }
 """Titles of the tests of a residual: the hypothesis that each test may reject."""
 
+_LARGEST_ASYMMETRY = 0.1  # of an interval that is shown with ±, as a share
 _SUPERSCRIPTS = str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹')
 
 
@@ -77,8 +78,8 @@ def unit(text: str) -> str:
     return re.sub(r'\^(-?\d+)', lambda match: match[1].translate(_SUPERSCRIPTS), text)
 
 
-def number(value: float, digits: int = 4) -> str:
-    """Return a number with some significant digits, as people write it: 4.312 × 10⁶."""
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with some significant digits, as people write it: 4.31 × 10⁶."""
     if value == 0.0 or not math.isfinite(value):
         return f'{value:g}'
     power = math.floor(math.log10(abs(float(f'{value:.{digits - 1}e}'))))
@@ -91,3 +92,11 @@ def number(value: float, digits: int = 4) -> str:
 def percent(share: float) -> str:
     """Return a share in percent, with a space that does not break before the sign."""
     return f'{100.0 * share:.{0 if abs(share) >= 0.0995 else 1}f}\u00a0%'.replace('-', '−')
+
+
+def uncertainty(value: float, interval: tuple[float, float]) -> str:
+    """Return a 95 % interval for people: `± 2 %` if the interval is narrow and symmetric, else `3.1 to 4.9`."""
+    below, above = value - interval[0], interval[1] - value
+    if 0.0 < above < abs(value) and abs(above - below) < _LARGEST_ASYMMETRY * above:
+        return f'± {number(100.0 * above / abs(value), 2)}\u00a0%'
+    return f'{number(interval[0])} to {number(interval[1])}'

@@ -107,7 +107,7 @@ def describe_remaining_error(result: ChannelResult) -> str:
     """Return the size of the remaining error, the signals on which it depends, and what to inspect, as sentences."""
     size, small = result.rmse(1), result.quantity.small
     noise, span = size / result.noise.std, size / result.span
-    text = f'The remaining error is {number(size / small.si, 3)} {small.unit}, {number(noise, 2)} times the noise and '
+    text = f'The remaining error is {number(size / small.si)} {small.unit}, {number(noise, 2)} times the noise and '
     text += f'{percent(span)} of the span.'
     if not result.findings.is_searched:  # misread recordings would only show their input error
         return text

@@ -104,7 +104,7 @@ def _common_descriptions(plant: Sequence[Device]) -> Iterator[str]:
             estimates = [part_parameters.get(column, {}).get('value') for part_parameters in parameters]
             values = [value for value in estimates if value is not None]
             if values and not parameter.choice:
-                ends = dict.fromkeys(number(limit, 3) for limit in (min(values), max(values)))
+                ends = dict.fromkeys(number(limit) for limit in (min(values), max(values)))
                 sizes.append(f'{parameter.name} {" to ".join(ends)} {parameter.unit.strip("-")}'.rstrip())
         yield readable_name(name) + (f' ({", ".join(sizes)})' if sizes else '')
 
@@ -237,7 +237,7 @@ def _chart(drift: Drift, rows: Sequence[Row], changed: Sequence[int]) -> dict[st
     last = drift.curves[-1] if drift.curves[-1].values[-1] is not None else drift.curves[0]
     value, std = last.values[-1], last.stds[-1]
     values = [present for curve in drift.curves for present in curve.present_values]
-    value_range = f'{number(min(values), 3)} to {number(max(values), 3)}'
+    value_range = f'{number(min(values))} to {number(max(values))}'
     label = f'{drift.name} over {len(rows)} bags: {value_range} {drift.unit}'
     return {
         'name': drift.name,

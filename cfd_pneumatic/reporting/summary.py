@@ -103,13 +103,13 @@ def _reduction(result: ChannelResult) -> str:
         low, high = findings.ratio_interval
         text += f' ({100.0 * low:.0f} to {percent(high)})'
     if findings.status == 'confirmed':
-        return f'{text}. Only sensor noise remains{f" ({number(ratio, 3)} times)" if ratio > 1.0 else ""}.'
+        return f'{text}. Only sensor noise remains{f" ({number(ratio)} times)" if ratio > 1.0 else ""}.'
     return f'{text}, {number(ratio, _DIGITS)} times the sensor noise.'
 
 
 def _to_noise(result: ChannelResult) -> str:
     ratio = noise_ratio(result)
-    return 'down to sensor noise' if ratio <= 1.0 else f'to within {number(ratio, 3)} times the sensor noise'
+    return 'down to sensor noise' if ratio <= 1.0 else f'to within {number(ratio)} times the sensor noise'
 
 
 def _cost(result: ChannelResult, geometry: Geometry) -> str:
@@ -130,7 +130,7 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     else:
         text += f' Each mm/s of piston speed changes the force by {growing} (chamber grows) or {shrinking} (shrinks).'
     if geometry.area is None:
-        text += f' Assumed piston area: {number(1e6 * PISTON_AREA, 3)} mm².'
+        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm².'
     return text
 
 

@@ -13,7 +13,16 @@ from jinja2.bccache import Bucket
 
 from cfd_pneumatic.charts import chart_element
 from cfd_pneumatic.files import marked
-from cfd_pneumatic.identification import number, percent, readable_name, reservation, sentence, title_of_test, unit
+from cfd_pneumatic.identification import (
+    number,
+    percent,
+    readable_name,
+    reservation,
+    sentence,
+    title_of_test,
+    uncertainty,
+    unit,
+)
 from cfd_pneumatic.identification import title as title_text
 from cfd_pneumatic.identification import verdict as verdict_text
 from cfd_pneumatic.runtime import is_trusted, read_code, write_code
@@ -76,6 +85,7 @@ def rendered(template: str, *folders: Path, scripts: str = '', **values: Any) ->
         readable_name=readable_name,
         title=title_text,
         title_of_test=title_of_test,
+        uncertainty=uncertainty,
         unit=unit,
         verdict=verdict_text,
     )
