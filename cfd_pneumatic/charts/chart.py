@@ -153,6 +153,8 @@ class Chart:
         Whether the common axis has whole numbers only.
     is_wide : bool
         Whether the chart is as wide as the page; otherwise several charts are side by side.
+    is_plain : bool
+        Whether the static picture has no numbers, on pages with thousands of charts.
     windows : sequence of Window
         Ranges that the static picture shows in addition, and that a button of the plot shows.
     clock : str
@@ -168,5 +170,6 @@ class Chart:
     marks: Sequence[float] = ()
     whole: bool = False
     is_wide: bool = True
+    is_plain: bool = False
     windows: Sequence[Window] = ()
     clock: str = ''

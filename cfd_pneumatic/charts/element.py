@@ -12,6 +12,7 @@ import base64
 import json
 import re
 import zlib
+from collections.abc import Mapping
 from functools import cache
 from html import escape
 from importlib.util import find_spec
@@ -106,35 +107,42 @@ def _bokeh_scripts() -> tuple[Path, ...]:
 
 
 def _chart_data(chart: Chart) -> dict[str, Any]:
-    """Return a chart as JSON types for the script; curves with the same x or times share a column."""
+    """Return a chart as JSON types for the script; what is empty is left out."""
     columns = _Columns()
-    return {
+    data = {
         'axis': chart.axis,
         'span': chart.span,
         'label': chart.label,
         'marks': list(chart.marks),
-        'whole': chart.whole,
         'wide': chart.is_wide,
         'clock': chart.clock,
         'windows': [[window.title, window.begin, window.end] for window in chart.windows],
         'panels': [_panel_data(panel, columns) for panel in chart.panels],
         'columns': columns.data,
     }
+    return _without_empty(data)
 
 
 def _panel_data(panel: Panel, columns: _Columns) -> dict[str, Any]:
-    return {
-        'title': panel.title,
-        'height': panel.height,
-        'range': panel.range,
-        'full': panel.full_range,
-        'headroom': panel.headroom,
-        'robust': panel.robust,
-        'band': panel.band,
-        'levels': list(panel.levels),
-        'labels': list(panel.labels),
-        'curves': [columns.curve_data(curve) for curve in panel.curves],
-    }
+    full = panel.full_range
+    return _without_empty(
+        {
+            'title': panel.title,
+            'height': panel.height,
+            'range': panel.range,
+            'full': full if full != panel.range else None,
+            'headroom': panel.headroom,
+            'robust': panel.robust,
+            'band': panel.band,
+            'levels': list(panel.levels),
+            'labels': list(panel.labels),
+            'curves': [columns.curve_data(curve) for curve in panel.curves],
+        }
+    )
+
+
+def _without_empty(data: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in data.items() if value}
 
 
 class _Columns:
@@ -150,7 +158,7 @@ class _Columns:
         x, y, times = curve.x, curve.y, curve.times
         if curve.style != 'dots' and x.size > MOST_POINTS:
             x, y = thinned(x, y, MOST_POINTS // 2)
-        data = {'colour': curve.colour, 'width': curve.width, 'style': curve.style, 'name': curve.name}
+        data = _without_empty({'colour': curve.colour, 'width': curve.width, 'style': curve.style, 'name': curve.name})
         x_steps = _VALUE_STEPS if curve.style == 'dots' else _TIME_STEPS
         indices = {'x': self._index(x, x_steps), 'y': self._index(y, _VALUE_STEPS)}
         return data | indices | ({} if times is None else {'times': self._index(times, _VALUE_STEPS)})
@@ -180,7 +188,7 @@ def column(values: Array, steps: int) -> dict[str, Any]:
 
     """
     low, high = (float(np.min(values)), float(np.max(values))) if values.size else (0.0, 0.0)
-    step = (high - low) / steps or 1.0
+    step = float(f'{(high - low) / steps:.9g}') or 1.0
     kind = np.dtype('<u2' if steps < 1 << 16 else '<u4')
     counts = np.rint((values - low) / step).astype(kind)
     differences = np.diff(counts, prepend=kind.type(0)).astype(kind)

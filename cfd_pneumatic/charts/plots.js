@@ -82,7 +82,9 @@ class Plot {
   static async of(figure) {
     const data = JSON.parse(figure.querySelector('script').textContent);
     const columns = await Promise.all(data.columns.map(decoded));
+    Object.assign(data, {marks: [], windows: [], clock: '', ...data});
     for (const panel of data.panels) {
+      Object.assign(panel, {title: '', headroom: 0, robust: false, band: null, levels: [], labels: [], ...panel});
       for (const curve of panel.curves) {
         [curve.x, curve.y] = [columns[curve.x], columns[curve.y]];
         curve.times = curve.times === undefined ? null : columns[curve.times];
@@ -193,7 +195,7 @@ class Plot {
       const margin = 0.05 * (end - begin);
       button(title, () => this.show(begin - margin, end + margin));
     }
-    if (this.data.panels.some(panel => String(panel.range) !== String(panel.full))) {
+    if (this.data.panels.some(panel => panel.full)) {
       button('Full range', element => {
         this.full = !this.full;
         element.setAttribute('aria-pressed', String(this.full));

@@ -60,15 +60,21 @@ def svg(chart: Chart, width: float, window: Window | None = None) -> str:
     for panel in panels:
         bottom = top + panel.height
         y_scale = _Scale(panel.range, (bottom, top))
-        parts += _panel(panel, x_scale, y_scale)
+        parts += (
+            [_curve(curve, x_scale, y_scale) for curve in panel.curves]
+            if chart.is_plain
+            else _panel(panel, x_scale, y_scale)
+        )
         marks = [mark for mark in chart.marks if span[0] < mark < span[1]]
         parts += [_line((x_scale(mark), top), (x_scale(mark), bottom), 'dotted', 0.5) for mark in marks]
+        top = bottom + _GAP
+        if chart.is_plain:
+            continue
         ticks = ticks_of(span, max(2, round((right - _LEFT) / _APART)), chart.whole)
         parts += [_line((x_scale(tick), bottom), (x_scale(tick), bottom + _TICK), '', 0.35) for tick, _ in ticks]
         if panel is panels[-1]:
             parts += [_text(x_scale(tick), bottom + 17, number, 'middle') for tick, number in ticks]
-        top = bottom + _GAP
-    parts.append(_text(right, total - 6, chart.axis, 'end'))
+    parts += [] if chart.is_plain else [_text(right, total - 6, chart.axis, 'end')]
     label = chart.label if window is None else f'{window.title}, {window.begin:.2f} to {window.end:.2f}. {chart.label}'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:g} {total:g}" role="img" '

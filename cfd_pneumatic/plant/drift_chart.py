@@ -11,6 +11,7 @@ import numpy as np
 from cfd_pneumatic import charts
 from cfd_pneumatic.arrays import Array
 
+_MOST_DOTS = 12  # values of a curve that are marked by dots, which a plant's page has no room for
 _HEIGHT = 90  # of the axes [CSS px]
 _LEAST_SPAN = 0.02  # share of a value; a smaller variation appears as a flat line
 _COLOURS = {'before': 'var(--before)', 'after': 'var(--after)'}
@@ -75,11 +76,12 @@ def drift_chart(
         label,
         marks=[float(x[mark]) for mark in marks],
         is_wide=False,
+        is_plain=True,
     )
 
 
 def _lines(x: Array, curve: Curve) -> Iterator[charts.Curve]:
-    """Yield the lines of a curve: one standard error to both sides, the values, and a dot for each value."""
+    """Yield the lines of a curve: one standard error to both sides, the values, and dots if there are few."""
     colour = _COLOURS[curve.key]
     present = [index for index, value in enumerate(curve.values) if value is not None]
     at, values = x[present], np.array(curve.present_values)
@@ -89,4 +91,5 @@ def _lines(x: Array, curve: Curve) -> Iterator[charts.Curve]:
             yield charts.Curve(at, bound, colour, 0.5)
     name = {'before': 'without effects', 'after': 'with effects'}[curve.key]
     yield charts.Curve(at, values, colour, 1.6, name=name)
-    yield charts.Curve(at, values, colour, 4.0, 'dots')
+    if values.size <= _MOST_DOTS:
+        yield charts.Curve(at, values, colour, 4.0, 'dots')

@@ -35,6 +35,7 @@ CASES = {
 }
 """Recording of each kind of report with a single part."""
 
+_EPOCH, _DAY = 1_700_000_000_000_000_000, 86_400_000_000_000  # begin of the recordings of a plant, and a day [ns]
 _DRAWING = 1.0  # time for plots to appear [s]
 
 SIZES = {'desktop': (1400, 900), 'phone': (390, 844)}
@@ -51,7 +52,11 @@ def write_pages(folder: Path) -> dict[str, Path]:
     pages['warnings'] = _page_of_misread_table(folder / 'warnings')
     devices = {seed: device_named('real', 'effects_a.leak_conductance=1e-10' if seed == 8 else '') for seed in (7, 8)}
     recordings = [
-        recording_of(record(surface_following(duration=30.0, seed=seed), device, seed=seed), f'shift_{seed}')
+        recording_of(
+            record(surface_following(duration=30.0, seed=seed), device, seed=seed),
+            f'shift_{seed}',
+            _EPOCH + seed * _DAY,
+        )
         for seed, device in devices.items()
     ]
     pages['two_cylinders'] = folder / 'two_cylinders' / 'report.html'

@@ -29,7 +29,7 @@ def test_it_stays_inside_and_has_every_value(points):
     (panel,) = drawn.panels
     low, high = panel.range
     dots = panel.curves[-1]
-    assert dots.style == 'dots'
+    assert (dots.style == 'dots') == (len(dots.x) <= 12)
     assert dots.x.tolist() == [place for place, value in enumerate(values) if value is not None]
     assert dots.y.tolist() == [value for value in values if value is not None]
     for curve in panel.curves:
