@@ -85,8 +85,13 @@ class Characteristic:
 
     @property
     def description(self) -> str:
+        """Return what the characteristic does, and what to inspect on the machine."""
+        return f'{self.cause}. Inspect {PLACES[self.enters].inspect}'
+
+    @property
+    def cause(self) -> str:
         """
-        Return what the characteristic does, and what to inspect on the machine.
+        Return what the characteristic does.
 
         If the curve is determined except for a constant, its size is the range of its values.
         """
@@ -95,8 +100,7 @@ class Characteristic:
         largest = float(np.max(np.abs(visited_values)) if place.keeps_constant else np.ptp(visited_values))
         size = 100.0 * largest if self.unit in ('1', '1/s') else largest
         rounded = float(f'{size:.2g}')
-        effect = f'{place.sentence.format(f"{rounded:g}")}, {VARIABLES[self.against].sentence}'
-        return f'{effect}. Inspect {place.inspect}'
+        return f'{place.sentence.format(f"{rounded:g}")}, {VARIABLES[self.against].sentence}'
 
 
 def estimate_characteristic(

@@ -82,6 +82,8 @@ class Conclusion:
         Estimated curve of an unknown characteristic, or None.
     is_searched
         Whether effects were searched; false for recordings with a likely input error.
+    contradictions
+        Clauses that withdraw the verdict, such as an error that grows from some time on.
 
     """
 
@@ -101,6 +103,7 @@ class Conclusion:
     has_warning: bool = False
     unknown: Characteristic | None = None
     is_searched: bool = True
+    contradictions: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:

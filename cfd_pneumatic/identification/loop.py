@@ -123,6 +123,7 @@ def close_loop(
         next_experiment=next_experiment(hidden, channel.library, shortage),
         unknown=unknown,
         is_searched=searching,
+        contradictions=tuple(contradictions),
     )
     return after, conclusion
 

@@ -23,15 +23,15 @@ from cfd_pneumatic.identification.thresholds import (
 
 SUGGESTIONS: Mapping[str, str] = MappingProxyType(
     {
-        'position': 'one place of the travel: a scored wall, a port, a linkage',
+        'position': 'the place on the stroke: a scored wall, a port, a linkage',
         'piston speed': 'the flow path: line, fittings, valves',
-        'direction': 'differences between the directions: backlash, friction, hysteresis of a valve',
-        'pressure': 'causes that grow with pressure: a leak, the supply, the scale of a sensor',
-        'contact force': 'causes that grow with the force: the scale of the load cell, friction under load',
-        'pressure difference': 'causes that grow with the force: area, linkage, the scale of the load cell',
+        'direction': 'what differs between the directions: backlash, friction, hysteresis of a valve',
+        'pressure': 'what grows with pressure: a leak, the supply, the scale of a sensor',
+        'contact force': 'what grows with the force: the scale of the load cell, friction under load',
+        'pressure difference': 'what grows with the force: area, linkage, the scale of the load cell',
         'set-point': 'the set-point: gains that depend on the operating point, or a set-point that does not act',
         'valve error': "the regulator's valves: dead band, limits, dirt",
-        'time': 'drift and interruptions: temperature, supply, another consumer',
+        'time': 'temperature, supply and other consumers of air',
     }
 )
 """What to inspect on the machine, by the signal on which the remaining error depends."""

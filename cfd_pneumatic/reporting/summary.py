@@ -66,10 +66,11 @@ def _missing(result: ChannelResult) -> str:
         return f'Nothing is missing. The model explains the recording {_to_noise(result)}.'
     if findings.unknown is not None:
         more = f' Missing effect{plural}: {named}.' if named else ''
-        return f'Unknown cause: {findings.unknown.description}.{more}'
+        return f'Unknown cause: {findings.unknown.cause}.{more}'
     if findings.verdict == 'unexplained':
         more = f' Part of it is {named}.' if named else ''
-        return f'Not explained. The error is {number(noise_ratio(result), _DIGITS)} times the sensor noise.{more}'
+        size = f'Not explained. The error is {number(noise_ratio(result), _DIGITS)} times the sensor noise.'
+        return ' '.join([f'{size}{more}', *map(sentence, findings.contradictions)])
     tied = ' This recording cannot distinguish them.' if any(findings.alternatives.values()) else ''
     return f'Missing effect{plural}: {named}.{tied}'
 

@@ -79,7 +79,7 @@ def test_a_curve_is_described_with_its_place():
     at = np.linspace(-1e-3, 1e-3, 5)
     curve = Characteristic('gain', 'x', (), at, 0.1 + 0.0 * at, 0.0 * at, 0.2 + 0.0 * at, at > -1.0, 0.5)
     summary = summary_of(changed(verdict='shape_found', effects=(), unknown=curve))
-    assert summary.missing == f'Unknown cause: {curve.description}.'
+    assert summary.missing == f'Unknown cause: {curve.cause}.'
     assert summary.next == 'Inspect the bore, the seal and the chamber walls.'
 
 
