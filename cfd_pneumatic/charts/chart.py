@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array
 
 Style = Literal['line', 'dots', 'samples']
-"""How a curve is drawn; `samples` are dots if few of them are visible, otherwise a line."""
+"""Form of a curve; `samples` are dots if few of them are visible, otherwise a line."""
 
 _MARGIN = 0.08  # share of the curves' range, above and below the curves
 _OUTER_QUANTILE = 0.005  # share of the samples beyond either end of the usual range
@@ -35,11 +35,11 @@ class Curve:
     width : float
         Width of the line or the dots [CSS px].
     style : Style
-        How the curve is drawn.
+        Form of the curve.
     name : str
         Name for the reader of values under the cursor; empty for a curve without a reading.
     times : (n,) array or None
-        Times of dots [s]: only the dots of the visible time range are drawn.
+        Times of dots [s]: only the dots of the visible time range appear.
 
     """
 

@@ -107,7 +107,7 @@ def _bokeh_scripts() -> tuple[Path, ...]:
 
 
 def _chart_data(chart: Chart) -> dict[str, Any]:
-    """Return a chart as JSON types for the script; what is empty is left out."""
+    """Return a chart as JSON types for the script; without empty entries."""
     columns = _Columns()
     data = {
         'axis': chart.axis,

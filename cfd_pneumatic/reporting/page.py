@@ -68,7 +68,7 @@ def report_page(
     Parameters
     ----------
     identification, live
-        Results, and the errors of `sim_node` by channel.
+        Results; errors of `sim_node`, which computes sample by sample, by channel.
     run
         Name of the run.
     scripts

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from cfd_pneumatic import Device, Limits, plan
-from cfd_pneumatic.commands.identify_bag import main as identify_bag
+from cfd_pneumatic.commands import identify_bag_main as identify_bag
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.plant import Settings, find_bags, local_cluster, survey
 from cfd_pneumatic.recording import recording_of, write_recording
@@ -78,7 +78,7 @@ def write_pages(folder: Path) -> dict[str, Path]:
 
 def _page_of_misread_table(folder: Path) -> Path:
     """Write the report of a table that is read with a wrong unit."""
-    mistake = next(one for one in MISTAKES if (one.table, one.description) == ('tutorial', 'mm read as mil'))
+    mistake = next(error for error in MISTAKES if (error.table, error.description) == ('tutorial', 'mm read as mil'))
     folder.mkdir(parents=True, exist_ok=True)
     table, mapping = TABLES[mistake.table]().write(folder, mistake.change)
     identify_bag([str(table), '--mapping', str(mapping), '--close-loop', '--overwrite', '--output', str(folder)])

@@ -130,7 +130,7 @@ class Chromium:
             time.sleep(_POLL)
 
     def press(self, key: str) -> None:
-        """Press and release a key, and wait until the page is drawn again."""
+        """Press and release a key, and wait for the next picture of the page."""
         for kind in ('keyDown', 'keyUp'):
             self.call('Input.dispatchKeyEvent', type=kind, key=key)
         self.result('new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))')

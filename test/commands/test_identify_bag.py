@@ -21,6 +21,7 @@ from cfd_pneumatic import convention
 from cfd_pneumatic.commands.identify_bag import main
 from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.files.staging import checksum
+from cfd_pneumatic.identification import title
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.recording import BagWriter
 
@@ -126,10 +127,11 @@ def test_closing_the_loop_writes_a_page_and_a_comparison_and_says_the_verdicts(b
     }
     for cylinder, block in report['cylinders'].items():
         beside = ', with a hypothesis' if block['status'] == 'hypothesis' else ''
-        assert f'{cylinder}: {words[block["verdict"]]}{beside}.' in printed
+        assert f'{title(cylinder)}: {words[block["verdict"]]}{beside}.' in printed
         assert words[block['verdict']] in page
         for effect in block['effects']:
-            assert effect in printed
+            assert effect.replace('_', ' ') in printed
+    assert printed.strip().splitlines()[-1] == f'report: {tmp_path / "report.html"}'
     assert 'strokes' in page
 
 
@@ -163,7 +165,10 @@ def test_console_report_and_file_give_the_gains_of_the_model_that_is_reported(tm
     faults = ['--device', 'paper', '--faults', 'effects_b.dead_band=300']
     assert record_rig(['out_and_back', *faults, '--output', str(tmp_path / 'bag')]) == 0
     capsys.readouterr()
-    assert main([str(tmp_path / 'bag'), '--close-loop', '--per-setpoint', '--output', str(tmp_path / 'out')]) == 0
+    assert (
+        main([str(tmp_path / 'bag'), '--close-loop', '--per-setpoint', '--verbose', '--output', str(tmp_path / 'out')])
+        == 0
+    )
     printed = capsys.readouterr().out
     report = json.loads((tmp_path / 'out' / 'report.json').read_text())['cylinders']
     written = yaml.safe_load((tmp_path / 'out' / 'parameters.yaml').read_text())['/**']['ros__parameters']

@@ -21,7 +21,7 @@ from cfd_pneumatic.convention import SCHEDULE_COLUMNS
 
 TABLE_1 = Path(__file__).parents[2] / 'config' / 'table_1.yaml'
 QUICK = ('--duration', '6', '--pressures', '40e3', '60e3')
-FILES = {'plan.json', 'schedule.csv', 'schedule.svg'}
+FILES = {'plan.html', 'plan.json', 'schedule.csv', 'schedule.svg'}
 
 
 @pytest.fixture(scope='module')
@@ -79,9 +79,8 @@ def test_the_advice_of_identify_bag_runs_as_it_stands(tmp_path, capsys, monkeypa
     bag, found = tmp_path / 'bag', tmp_path / 'found here'
     assert record_rig(['paper_step', '--output', str(bag)]) == 0
     assert identify_bag([str(bag), '--output', str(found), '--close-loop', '--progress', 'none']) == 0
-    last = capsys.readouterr().out.strip().splitlines()[-1]
-    said, _, command = last.partition(': ')
-    assert said == 'To plan the next experiment'
+    lines = capsys.readouterr().out.splitlines()
+    (command,) = (line.partition(': ')[2] for line in lines if line.startswith('To plan the next experiment: '))
     program, *arguments = shlex.split(command)
     assert program == 'plan_experiment'
     assert 'operating_point' in arguments
