@@ -66,9 +66,10 @@ def title_of_test(name: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """Return a clause as a sentence: readable names of effects, a capital letter and a full stop."""
+    """Return a clause as a sentence: readable names of effects and cylinders, a capital letter and a full stop."""
     for name in sorted((*EFFECTS, *CORES), key=len, reverse=True):
         text = re.sub(rf'\b{name}\b', readable_name(name), text)
+    text = re.sub(r'\bcylinder_([ab])\b', lambda match: f'cylinder {match[1].upper()}', text)
     text = re.sub(r'(\d) %', '\\1\u00a0%', text.strip())
     return text[:1].upper() + text[1:] + ('' if text.endswith(('.', '!', '?')) or not text else '.')
 

@@ -58,7 +58,7 @@ class Row:
 
 def report_page(
     identification: Identification,
-    live: Mapping[str, PartError] = MappingProxyType({}),
+    live_errors: Mapping[str, PartError] = MappingProxyType({}),
     run: str = '',
     scripts: str | None = '',
 ) -> str:
@@ -67,7 +67,7 @@ def report_page(
 
     Parameters
     ----------
-    identification, live
+    identification, live_errors
         Results; errors of `sim_node`, which computes sample by sample, by channel.
     run
         Name of the run.
@@ -77,7 +77,7 @@ def report_page(
 
     """
     sections = [
-        _section(result, live.get(result.name)) | {'summary': summarise(result, identification)}
+        _section(result, live_errors.get(result.name)) | {'summary': summarise(result, identification)}
         for result in identification.closed
     ]
     return rendered(

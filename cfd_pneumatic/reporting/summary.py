@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import chain
 from typing import NamedTuple
 
 from cfd_pneumatic.convention import PISTON_AREA
@@ -44,11 +45,23 @@ class Summary(NamedTuple):
 
 def summarise(result: ChannelResult, identification: Identification) -> Summary:
     """Return the summary of a channel on which the loop was closed."""
-    warnings = [notice for notice in identification.notices if notice.level == WARNING]
+    if result.findings.has_warning:
+        return _doubtful_summary(result, identification)
     steps = ' '.join(_next_steps(result))
-    if result.findings.has_warning and warnings:
-        steps = f'First {warnings[0].fix}.'
     return Summary(_missing(result), _certainty(result), _cost(result, identification.geometry), sentence(steps))
+
+
+def _doubtful_summary(result: ChannelResult, identification: Identification) -> Summary:
+    """Return the summary of a channel whose input data look wrong: the data check comes first."""
+    warnings = [notice for notice in identification.notices if notice.level == WARNING]
+    of_channel = [notice for notice in warnings if result.name in notice.message]
+    notice = (of_channel or warnings)[0]
+    return Summary(
+        f'Check the data first: {sentence(notice.message)}',
+        f'Uncertain. If the data are right: {_missing(result)}',
+        'Not known before the data are right.',
+        sentence(notice.fix),
+    )
 
 
 def noise_ratio(result: ChannelResult) -> float:
@@ -77,8 +90,6 @@ def _missing(result: ChannelResult) -> str:
 
 def _certainty(result: ChannelResult) -> str:
     findings = result.findings
-    if findings.has_warning:
-        return 'Uncertain: the input data look wrong. Correct the input and run again.'
     if findings.verdict == 'insufficient_data':
         return 'No answer: the recording is too short.'
     if findings.verdict == 'no_missing_effect':
@@ -161,8 +172,10 @@ def _next_steps(result: ChannelResult) -> Iterator[str]:
             yield 'The remaining error depends on no single signal. Look at the plots of the residual.'
     elif not findings.effects and findings.unknown is None:
         yield 'No inspection is needed.'
-    if any(findings.alternatives.values()) and findings.next_experiment:
-        yield f'To decide, record {findings.next_experiment}.'
+    tied = {name: others for name, others in findings.alternatives.items() if others}
+    advice = dict.fromkeys(EFFECTS[name].advice for name in (*tied, *chain(*tied.values())) if EFFECTS[name].advice)
+    if advice:
+        yield f'To decide, record {"; ".join(advice)}.'
 
 
 def _with_alternatives(result: ChannelResult, effect: str) -> str:

@@ -37,11 +37,12 @@ def test_an_effect_is_named_with_what_to_inspect():
 
 
 def test_a_tie_names_both_and_what_decides():
-    tie = changed(alternatives={'droop': ('heat_transfer',)}, next_experiment='quick strokes')
+    tie = changed(alternatives={'droop': ('heat_transfer',)})
     summary = summary_of(tie)
     assert summary.missing == 'Missing effect: droop or heat transfer. This recording cannot distinguish them.'
     assert EFFECTS['heat_transfer'].inspect in summary.next
-    assert summary.next.endswith('To decide, record quick strokes.')
+    advice = dict.fromkeys(EFFECTS[name].advice for name in ('droop', 'heat_transfer'))
+    assert summary.next.endswith(f'To decide, record {"; ".join(advice)}.')
 
 
 def test_several_effects_of_the_force_are_named_together():
@@ -88,8 +89,9 @@ def test_doubtful_data_come_before_an_inspection():
         changed(has_warning=True), notices=(warning('unit_suspect', 'the stroke is 12 m', 'set `unit: mm`'),)
     )
     summary = summary_of(found)
-    assert summary.certainty.startswith('Uncertain')
-    assert summary.next == 'First set `unit: mm`.'
+    assert summary.missing == 'Check the data first: The stroke is 12 m.'
+    assert summary.certainty == 'Uncertain. If the data are right: Missing effect: droop.'
+    assert summary.next == 'Set `unit: mm`.'
 
 
 def test_too_short_a_recording_says_what_to_record():

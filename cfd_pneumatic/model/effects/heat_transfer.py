@@ -56,7 +56,7 @@ def fastest(speed: float, loss: float) -> float:
 EFFECT = Effect(
     name='heat_transfer',
     description='adiabatic changes of pressure relax to isothermal',
-    inspect='nothing on the machine: air exchanges heat with the chamber walls',
+    inspect='no part: heat exchange with the chamber walls is no fault',
     parameters=(
         EffectParameter(
             'loss', '1/s', 0.0, 1e3, 0.0, 'inverse of the time constant m c_v / (h A), at ambient pressure'

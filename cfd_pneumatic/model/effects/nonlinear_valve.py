@@ -31,7 +31,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='nonlinear_valve',
     description="flow is a power of the valve's error",
-    inspect='nothing on the machine: the valves of the regulator are not linear',
+    inspect='no part: nonlinear valves are no fault',
     parameters=(EffectParameter('exponent', '-', 0.2, 3.0, 1.0, 'exponent of the error'),),
     equations=(r"e' = e \left(\frac{\sqrt{e^2 + (50\,\mathrm{Pa})^2}}{1\,\mathrm{kPa}}\right)^{exponent - 1}",),
     starts=starts,

@@ -52,7 +52,7 @@ def quickens(pressure: float, x: float, k_x: float, strength: float, supply: flo
 EFFECT = Effect(
     name='operating_point',
     description='gains depend on absolute pressure: K_x linearly, K_sv and K_v by flow function, K_v also by a power',
-    inspect='nothing on the machine: gains depend on the set-point',
+    inspect='no part: gains that depend on the set-point are no fault',
     parameters=(
         EffectParameter('strength', '-', 0.0, 1.0, 0.0, '0: no dependence, 1: full dependence', choice=True),
         EffectParameter('supply', 'Pa', 1e5, 5e6, 1e6, 'absolute supply pressure', logarithmic=True),

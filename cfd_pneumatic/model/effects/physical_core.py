@@ -197,7 +197,7 @@ def fastest(speed: float, *parameters: float) -> float:
 EFFECT = Effect(
     name='physical_core',
     description="the paper's equations (1) to (11) without linearisation",
-    inspect='nothing on the machine: flows and stiffness depend on pressure and position',
+    inspect='no part: flows and stiffness that depend on pressure and position are no fault',
     core=True,
     covers=('operating_point', 'volume_variation', 'heat_transfer'),
     parameters=(
