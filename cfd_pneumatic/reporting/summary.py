@@ -172,7 +172,7 @@ def _next_steps(result: ChannelResult) -> Iterator[str]:
             yield 'The remaining error depends on no single signal. Look at the plots of the residual.'
     elif not findings.effects and findings.unknown is None:
         yield 'No inspection is needed.'
-    tied = {name: others for name, others in findings.alternatives.items() if others}
+    tied = {name: rivals for name, rivals in findings.alternatives.items() if rivals}
     advice = dict.fromkeys(EFFECTS[name].advice for name in (*tied, *chain(*tied.values())) if EFFECTS[name].advice)
     if advice:
         yield f'To decide, record {"; ".join(advice)}.'
