@@ -243,7 +243,8 @@ def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
     clean = sum(not outcome.effects for outcome in weak)
     return (
         f'At twice the strength the effect is named first in {first} of {len(strong)} recordings, and named or listed '
-        f'as an alternative in {listed}. A predicted alternative is named first in {predicted}. At a tenth no effect is named in {clean} of {len(weak)} recordings.'
+        f'as an alternative in {listed}. A predicted alternative is named first in {predicted}. At a tenth no '
+        f'effect is named in {clean} of {len(weak)} recordings.'
     )
 
 
