@@ -253,8 +253,8 @@ def _qos(qos: QoSProfile) -> str:
 def _parameters(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield '## Parameters'
     yield (
-        '`live`: `ros2 param set` changes the running node. `at start`: read-only. Write 1.0 instead of 1 for a '
-        'number of type double. Every node also has the parameters of ROS 2, such as `use_sim_time`.'
+        'Parameters that change *at run time* are set with `ros2 param set`. Write 1.0 instead of 1 for a number of '
+        'type double. Every node also has the parameters of ROS 2, such as `use_sim_time`.'
     )
     entries = {name: _entries(some[0]) for name, some in nodes.items()}
     models = ('sim_node', 'monitor_node')
@@ -295,7 +295,7 @@ def _entry(descriptor: ParameterDescriptor, value: Any) -> Entry:
         Parameter.Type(descriptor.type).name.lower().replace('_array', '[]'),
         _written(value, unit),
         '; '.join([*limits, *filter(None, [descriptor.additional_constraints])]),
-        'at start' if descriptor.read_only else 'live',
+        'at start' if descriptor.read_only else 'at run time',
         description[1],
     )
 
@@ -329,7 +329,8 @@ def _effects(entries: Entries) -> Iterator[str]:
     yield '### Effects of `sim_node` and `monitor_node`: parameters'
     yield (
         'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false), and parameters such as '
-        '`cylinder_a.leakage.conductance`. The parameters are doubles and `live`; their defaults have no influence.'
+        '`cylinder_a.leakage.conductance`. The parameters are doubles and change at run time; their defaults have no '
+        'influence.'
     )
     known = {**EFFECTS, **GENERIC}
     for prefix, names in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):

@@ -230,7 +230,7 @@ def _force(clean: Sequence[Row]) -> str:
     named = [row for row in clean if row.named]
     return (
         'Devices with one effect on the measured force and a given piston area. Columns as in the first table of '
-        f'answers. Of {len(clean)} recordings of devices without an effect {len(named)} get a name'
+        f'answers. Of {len(clean)} recordings of devices with no effect {len(named)} get a name'
         + (f' ({_names(named)})' if named else '')
         + f', {sum(map(is_unexplained, clean))} end `unexplained`.'
     )
