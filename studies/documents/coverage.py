@@ -256,11 +256,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen_options = ' '.join(f'--{core} {first} {end}' for core, (first, end) in seeds.items())
     page = (
         '# Coverage\n\n'
-        'How often the 95 % intervals of the gains contain the true values, and the mean errors of the estimates in '
-        'standard errors. An independent integrator simulates smooth motions, sampled at 2 ms. The gains are the six '
-        "rows of the paper's Table 1 in turn. Linear devices are fitted with the linear model, physical devices with "
-        f'the physical core. Critical ratios are random from {CRITICAL_RATIOS[0]} to {CRITICAL_RATIOS[1]}, exponents '
-        f'from {EXPONENTS[0]} to {EXPONENTS[1]}; each device gives {TOGETHER} recordings. '
+        'How often do the 95 % intervals of the gains contain the true values? *Error* is the mean error in standard '
+        'errors. An independent integrator simulates smooth motions, sampled at 2 ms, with the six rows of the '
+        "paper's Table 1 in turn. Linear devices are fitted with the linear core, physical devices with the physical "
+        f'core. Physical devices have random critical ratios ({CRITICAL_RATIOS[0]} to {CRITICAL_RATIOS[1]}) and '
+        f'exponents ({EXPONENTS[0]} to {EXPONENTS[1]}), with {TOGETHER} recordings each. '
         f"Written by `make coverage ARGS='{chosen_options}'`.\n\n"
         f'- Machine: {machine()}\n\n{table(header, lines)}\n\n{notes_in(DOCUMENT)}\n'
     )

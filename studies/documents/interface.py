@@ -15,6 +15,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,6 +56,9 @@ OF_EVERY_NODE = re.compile(r'qos_overrides\.|use_sim_time$|start_type_descriptio
 OF_ROS = re.compile(r'/rosout$|/parameter_events$')
 SERVICES_OF_ROS = re.compile(r'/(\w+_parameters(_atomically)?|get_parameter_types|get_type_description)$')
 
+LOOP = '../explanation/loop.md'
+"""Page that explains the effects that are estimated curves."""
+
 MUST = {'recorder_node': ('topics', 'output')}
 """Parameters without which a node does not start."""
 
@@ -89,9 +93,9 @@ def document() -> str:
 def _opening() -> Iterator[str]:
     yield '# Interface'
     yield (
-        'Every program, topic, service and parameter of the running nodes. Written by `make interface-document`; a '
-        'test compares this page with the code. [model.md](../explanation/model.md) explains the parameters of the '
-        'model, [effects.md](effects.md) the effects.'
+        'Programs, topics, services and parameters, written by `make interface-document`. '
+        '[model.md](../explanation/model.md) explains the parameters of the model, [effects.md](effects.md) the '
+        'effects.'
     )
 
 
@@ -108,8 +112,8 @@ def _programs() -> Iterator[str]:
         rows.append([f'[`{name}`](../../{path})', 'node' if name.endswith(NODE) else 'command', summary])
     yield table(['program', 'kind', 'purpose'], rows)
     yield (
-        'Start a node with `ros2 run cfd_pneumatic NAME --ros-args -p PARAMETER:=VALUE`. After bad input a program '
-        'prints one line on standard error and ends with exit code 2. An interrupted command ends with exit code 130.'
+        'Start a node with `ros2 run cfd_pneumatic NAME --ros-args -p PARAMETER:=VALUE`. Bad input ends a program with '
+        'one line on standard error and exit code 2, an interrupt with exit code 130.'
     )
     for name, module in sorted(modules.items()):
         if COMMAND in module.__name__:
@@ -166,10 +170,9 @@ def _nodes(folder: Path) -> Iterator[dict[str, list[Node]]]:
 def _topics(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield '## Topics and services'
     yield (
-        f'Names without a leading `/` are relative: the namespace separates the device from its simulator. `~` '
-        f'is the name of the node. `{EITHER}` is {" and ".join(f"`{name}`" for name in CYLINDERS)}; '
-        '`sim_node` and `monitor_node` open the topics of cylinders with `cylinder_*.enabled`. *Depth* is the length '
-        'of the queue in messages. Parameters such as '
+        f'Names without a leading `/` are relative to the namespace of the node, `~` is the name of the node. '
+        f'`{EITHER}` is {" and ".join(f"`{name}`" for name in CYLINDERS)}, if `cylinder_*.enabled`. *Depth* is the '
+        'length of the queue in messages. Parameters such as '
         '`qos_overrides./cfd/sim/piston_state.subscription.reliability` override the QoS.'
     )
     for name, program_nodes in sorted(nodes.items()):
@@ -180,12 +183,20 @@ def _topics(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
         else:
             yield 'The topics of its parameter `topics`, with the reliability that their publishers offer.'
         services = [
-            [code(_relative(service.service_name, program_nodes[0])), _type(service.srv_type), service.callback.__doc__]
-            for service in program_nodes[0].services
+            [code(_relative(service.service_name, node)), _type(service.srv_type), _purpose(service.callback)]
+            for node in program_nodes[:1]
+            for service in node.services
             if not SERVICES_OF_ROS.search(service.service_name)
         ]
         if services:
             yield table(['service', 'type', 'what it does'], services)
+
+
+def _purpose(callback: Any) -> str:
+    """Return the first line of a callback's docstring; `BoundedNode` wraps callbacks."""
+    while isinstance(callback, partial):
+        (callback,) = callback.args
+    return str(callback.__doc__).strip().splitlines()[0]
 
 
 def _endpoints(node: Node) -> dict[str, Endpoint]:
@@ -242,9 +253,8 @@ def _qos(qos: QoSProfile) -> str:
 def _parameters(nodes: Mapping[str, Sequence[Node]]) -> Iterator[str]:
     yield '## Parameters'
     yield (
-        '`live`: `ros2 param set` changes the running node; a refusal states the reason. `at start`: read-only. '
-        f'`{EITHER}` is either cylinder. Write 1.0 instead of 1 for a number of type double. Every node also has the '
-        'parameters of ROS 2, such as `use_sim_time`.'
+        'Parameters that change *at run time* are set with `ros2 param set`. Write 1.0 instead of 1 for a number of '
+        'type double. Every node also has the parameters of ROS 2, such as `use_sim_time`.'
     )
     entries = {name: _entries(some[0]) for name, some in nodes.items()}
     models = ('sim_node', 'monitor_node')
@@ -285,7 +295,7 @@ def _entry(descriptor: ParameterDescriptor, value: Any) -> Entry:
         Parameter.Type(descriptor.type).name.lower().replace('_array', '[]'),
         _written(value, unit),
         '; '.join([*limits, *filter(None, [descriptor.additional_constraints])]),
-        'at start' if descriptor.read_only else 'live',
+        'at start' if descriptor.read_only else 'at run time',
         description[1],
     )
 
@@ -318,15 +328,15 @@ def _table(entries: Mapping[str, Entry]) -> str:
 def _effects(entries: Entries) -> Iterator[str]:
     yield '### Effects of `sim_node` and `monitor_node`: parameters'
     yield (
-        'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false, `live`), and parameters such as '
-        '`cylinder_a.leakage.conductance`. All parameters of effects are doubles and `live`. Their default values have '
-        'no effect.'
+        'Each effect has a switch, `PREFIX.EFFECT.enabled` (bool, false), and parameters such as '
+        '`cylinder_a.leakage.conductance`. The parameters are doubles and change at run time; their defaults have no '
+        'influence.'
     )
     known = {**EFFECTS, **GENERIC}
     for prefix, names in ((EITHER, known.keys() - FORCE_PARTS.keys()), ('contact_force', FORCE_PARTS.keys())):
         rows = []
         for effect in sorted(names):
-            page = f'effects.md#{effect}' if effect in EFFECTS else '../explanation/model.md#the-loop'
+            page = f'effects.md#{effect}' if effect in EFFECTS else f'{LOOP}#unknown-characteristics'
             label = f'[`{effect}`]({page})'
             for name, entry in entries.items():
                 if name.startswith(f'{prefix}.{effect}.') and not name.endswith('.enabled'):
@@ -342,10 +352,9 @@ def _effects(entries: Entries) -> Iterator[str]:
 def _files() -> Iterable[str]:
     yield '## Files'
     yield (
-        f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON; their keys end in their '
-        'units. [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
-        f'(../../cfd_pneumatic/planning/report.py) write them. `{PARAMETER_FILE}` contains parameters of `sim_node`, '
-        'as above.'
+        f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON with units in the keys, '
+        'written by [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
+        f'(../../cfd_pneumatic/planning/report.py). `{PARAMETER_FILE}` has the parameters above.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
     yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and valid from their time on: {columns}.'

@@ -95,12 +95,12 @@ def document(results: Sequence[RunResults], leaks: Sequence[tuple[str, ...]], pr
         [
             '# Measured runs',
             '',
-            'Results of `identify_bag --close-loop` for each measured run of a regulated cylinder (a public data set, '
-            'CC0). Written by `make measured-runs`; the section "Notes" at the end is kept.',
+            'What does `identify_bag --close-loop` find in each measured run of a regulated cylinder (a public data '
+            'set, CC0)? Written by `make measured-runs`; the section "Notes" at the end is kept.',
             '',
-            '- *Before* and *after*: errors on the test part divided by the measured span, without and with effects.',
-            '- The last column is the error after, divided by the noise. The noise is the standard deviation of the '
-            f'differences between samples, divided by the square root of 2. {_noise_ratio_medians(results)}',
+            '- *Before* and *after*: test error without and with effects / measured span.',
+            '- *Noise*: standard deviation of the differences between samples / square root of 2. '
+            f'{_noise_ratio_medians(results)}',
             f'- Notices: {", ".join(f"`{code}` ({level}) on {n}" for (code, level), n in sorted(counts.items()))} of '
             f'{len(results)} runs.',
             f'- Machine: {machine()}',
@@ -123,8 +123,8 @@ def document(results: Sequence[RunResults], leaks: Sequence[tuple[str, ...]], pr
             '## Pressure decays',
             '',
             'Results of `leak_test --mapping config/pressure_decay.yaml` for chambers behind a shut valve. Each leak '
-            'model is fitted to the first half; the error is that of the second half. The last column is the gauge '
-            'pressure to which a chamber has to empty before the leak models are distinguishable.',
+            'model is fitted to the first half; the error is that of the second half. The leak models are '
+            'distinguishable below the gauge pressure in the last column.',
             '',
             table(
                 (

@@ -236,14 +236,14 @@ def document(counts: Mapping[str, Mapping[str, Count]]) -> str:
     parts = [
         '# False alarms of the watch',
         f'Command: `make monitor-figures`. Machine: {machine()}. Commit {commit()}.',
-        f'Rate {RATE} Hz, blocks of {BLOCK:g} s, {LEARNING:g} s of learning. Channels: two cylinders and the force '
-        '(random noise), or two cylinders (rig). Thresholds and whitening were developed on seeds below 1000. The '
-        f'reported seeds begin at {FIRST_SEED}.',
+        f'How many false alarms does the watch give? Rate {RATE} Hz, blocks of {BLOCK:g} s, {LEARNING:g} s of '
+        'learning. Channels: two cylinders and the force (random noise), or two cylinders (rig). Seeds below '
+        f'1000 were used for development; the reported seeds begin at {FIRST_SEED}.',
         '## Counts',
-        'The random noise is that of the rig’s pressure sensor (white, 12 bits), and autocorrelated noise with a '
-        f'correlation of 0.9 between samples. Each noise is watched 120 times for {WATCH / 3600.0:g} hours, each time '
-        'after a new learning. Intervals are exact for a Poisson count (Garwood, 1936). The rig follows random '
-        'surfaces while its set-points step every 1 to 4 s. Its model was identified from a separate minute.',
+        'The random noise is that of the rig’s pressure sensor (white, 12 bits), or autocorrelated with 0.9 between '
+        f'samples. Each noise is watched 120 times for {WATCH / 3600.0:g} hours, after a new learning. Intervals are '
+        'exact for a Poisson count (Garwood, 1936). The rig follows random surfaces while its set-points step every 1 '
+        'to 4 s. Its model was identified from a separate minute.',
         table_of(counts),
         notes_in(DOCUMENT),
     ]

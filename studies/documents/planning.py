@@ -209,12 +209,12 @@ def document(seeds: Sequence[int], runs: int) -> str:
         f'{low:g} to {high:g} psig, {LIMITS.duration:g} s at 500 Hz; each parameter in the file is '
         f'{PARAMETER_ERROR:.0%} off\n- Seeds {", ".join(map(str, seeds))}; 0, 1, 500 and 501 were used in development',
         '## Standard errors',
-        f'Healthy device, {runs} recordings with different noise. All values in % of the true value. A '
-        f'standard deviation of {runs} values is uncertain by {100.0 / math.sqrt(2.0 * (runs - 1)):.0f} %.',
+        f'A healthy device, {runs} recordings with different noise, in % of the true value. The standard deviation of '
+        f'{runs} values is uncertain by {100.0 / math.sqrt(2.0 * (runs - 1)):.0f} %.',
         _scatter_table(case(seeds[0]), values, stds),
         '## Effects',
-        'Predicted: the smallest visible strength of each effect. The rig has the effect at twice this strength, and '
-        'at a tenth, at which no effect should be named. A hyphen: the rig cannot simulate the strength.',
+        'The plan predicts the smallest visible strength of each effect. The rig has the effect at twice this '
+        'strength, and at a tenth, at which no effect should be named. A hyphen: the rig cannot simulate the strength.',
         _summary(outcomes),
         _effects_table(seeds, outcomes),
     ]
@@ -243,8 +243,8 @@ def _summary(outcomes: Mapping[Job, Outcome | None]) -> str:
     clean = sum(not outcome.effects for outcome in weak)
     return (
         f'At twice the strength the effect is named first in {first} of {len(strong)} recordings, and named or listed '
-        f'as an alternative in {listed}. In {predicted} recordings a predicted alternative is named first.'
-        f' At a tenth no effect is named in {clean} of {len(weak)} recordings.'
+        f'as an alternative in {listed}. A predicted alternative is named first in {predicted}. At a tenth no '
+        f'effect is named in {clean} of {len(weak)} recordings.'
     )
 
 

@@ -143,8 +143,8 @@ def document(data: Path) -> str:
             '',
             table(('seal', f'at {UNSEEN} bar', 'effects in addition to the core'), _unseen(friction, alone)),
             '',
-            'Pressure difference between strokes out and back, midway, at constant speed. The difference divided by '
-            'the difference of speeds is a property of the device that needs no model.',
+            'Pressure difference between strokes out and back, midway, at constant speed. Divided by the difference of '
+            'speeds it is a property of the device that needs no model.',
             '',
             table(
                 ('run', 'out [mm/s]', 'back [mm/s]', 'difference [kPa]', 'difference / speed difference [kPa s/m]'),

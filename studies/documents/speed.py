@@ -345,7 +345,7 @@ def outcomes_of(run: Run) -> list[tuple[Promise, Outcome]]:
 def document(run: Run, notes: str) -> str:
     """Return the document as Markdown."""
     sections = [
-        '# Speed\n\nMeasured costs, compared with promises and with a peer that was measured in the same run. '
+        '# Speed\n\nWhat does each task cost, compared with promises and with a peer in the same run? '
         'Written by `make speed-document`; the section "Notes" at the end is kept.',
         _how_section(run),
         _commands_section(run),
@@ -360,9 +360,8 @@ def _how_section(run: Run) -> str:
     libraries = ', '.join(f'{name} {version}' for name, version in run.about['libraries'].items())
     return f"""## How it was measured
 
-- Commands: `make benchmark`, `make speed-document`. With `CFD_PNEUMATIC_SECONDS=600`, \
-`CFD_PNEUMATIC_MESSAGES=10000000`, `CFD_PNEUMATIC_SAMPLES={SHIFT}` running nodes, bags and growth are measured \
-longer. Each row states its size.
+- Commands: `make benchmark`, `make speed-document`. `CFD_PNEUMATIC_SECONDS=600`, \
+`CFD_PNEUMATIC_MESSAGES=10000000` and `CFD_PNEUMATIC_SAMPLES={SHIFT}` measure nodes, bags and growth for longer.
 - Machine: {run.about['machine']}
 - Libraries: {libraries}
 - Commit {run.about['commit']}; load of the machine (mean number of running processes) {load['before']:.1f} before, \
@@ -382,14 +381,14 @@ def _commands_section(run: Run) -> str:
         cells.append([work, _duration(values['seconds']), units, '-' if most is None else f'at most {most:g}', kept])
         if 'stages' in values:
             steps.append(
-                f'- {name.removeprefix("test_")}: '
+                f'- `{name.removeprefix("test_")}`: '
                 + '; '.join(f'{begin:.2f} s {stage}' for stage, begin in values['stages'])
             )
     return (
-        '## Whole commands\n\nTime that a user waits for a command: the median of five separate processes. A unit is '
-        'the time of `import numba, scipy.optimize, matplotlib.pyplot` in the same run.\n\n'
+        '## Whole commands\n\nMedian time of five separate processes. A unit is the time of `import numba, '
+        'scipy.optimize, matplotlib.pyplot` in the same run.\n\n'
         + table(['command', 'wall', 'units', 'promised', 'kept'], cells)
-        + '\n\nBegin of each stage; the interpreter and the imports precede the first stage:\n\n'
+        + '\n\nBegin of each stage; interpreter and imports come first:\n\n'
         + '\n'.join(steps)
     )
 
@@ -401,9 +400,8 @@ def _promises_section(lines: Sequence[tuple[Promise, Outcome]]) -> str:
         for promise, outcome in lines
     ]
     return (
-        '## Promises\n\nTimes are those of the fastest rounds. The cost of a sample is judged from 3,600 samples on; '
-        'with 350 samples the cost of the call dominates. *Kept* is empty if the run is too short.\n\n'
-        + table(['work', 'measured', 'promised', 'peer', 'kept'], cells)
+        '## Promises\n\nTimes of the fastest rounds. The cost of a sample is judged from 3,600 samples on. *Kept* is '
+        'empty if the run is too short.\n\n' + table(['work', 'measured', 'promised', 'peer', 'kept'], cells)
     )
 
 
@@ -421,9 +419,9 @@ def _growth_section(run: Run) -> str:
             cells.append([title, f'{size:,}', *costs])
             title = ''
     return (
-        '## Growth\n\nEach size is measured in a separate process. Memory is in addition to the interpreter with its '
-        'libraries. Arrays of more than 8 million samples are in files while they are read; only their part in memory '
-        'counts.\n\n' + table(['work', 'samples', 'time', 'each', 'cores busy', 'memory'], cells)
+        '## Growth\n\nEach size is measured in a separate process. Memory is in addition to interpreter and libraries. '
+        'Arrays of more than 8 million samples are in files; only their part in memory counts.\n\n'
+        + table(['work', 'samples', 'time', 'each', 'cores busy', 'memory'], cells)
     )
 
 

@@ -45,7 +45,7 @@ def document(rows: Sequence[Row], provenance: Mapping[str, str], notes: str) -> 
     aims = [(*goal[:-1], 'yes' if goal.met else '**no**') for goal in goals(drawn)]
     sections = [
         '# The panel of effects\n\n'
-        'How often the loop names the effect of a recording, given the recording alone. Written by '
+        'How often does the loop name the effect of a recording, given the recording alone? Written by '
         f'`{provenance["command"]}`; the section "{NOTES.strip("# ")}" at the end is kept.',
         _provenance_section(rows, drawn, provenance),
         '## Goals\n\n' + table(['goal', 'wanted', 'measured', 'recordings', 'met'], aims),
@@ -92,10 +92,10 @@ def _provenance_section(rows: Sequence[Row], drawn: Sequence[Row], provenance: M
         f'- {len(drawn)} recordings; {len(rows) - len(drawn)} pairs were omitted: '
         'both effects change the same part of the rig\n\n'
         + _table(_lines(drawn, ['kind'], product(KINDS), _seeds))
-        + '\n\nThe seed draws the device, the schedule, the strength and the noise. Seeds below '
+        + '\n\nThe seed determines the device, the schedule, the strength and the noise. Seeds below '
         f'{FIRST_SEED} were used for development. The *oracle floor* is the RMSE of the true device, driven by the '
-        "measured displacement, on the same samples. A draw is *visible* if the RMSE of the refitted paper's model is "
-        f'more than {VISIBLE} times the floor. Shares have 95 % intervals (Wilson).'
+        "measured displacement. A draw is *visible* if the RMSE of the refitted paper's model exceeds the floor by a "
+        f'factor of {VISIBLE}. Shares have 95 % intervals (Wilson).'
     )
 
 
@@ -110,12 +110,12 @@ def _seeds(rows: Sequence[Row]) -> Line:
 
 
 BY_ANSWER = (
-    'Visible draws by the first named effect. *Not visible*: draws in which no method could find the effect, and the '
-    'effects that were named there. *Listed alternative*: the true effect is an alternative to the first named effect, '
-    'and the pair is listed below. *No name*: `no_missing_effect` / `unexplained` / '
-    'refused. *Before* and *after*: RMSE on the test part over the oracle floor, median / 90th '
-    'percentile of visible draws.'
+    'Visible draws by the first named effect. *Not visible*: draws, and the effects that were named there. *Listed '
+    'alternative*: the true effect is an alternative to the first named effect, and the pair is listed below. *No '
+    'name*: `no_missing_effect` / `unexplained` / refused. *Before* and *after*: test RMSE / oracle floor, median / '
+    '90th percentile of visible draws.'
 )
+AS_ABOVE = 'Columns as in the first table of answers.'
 
 
 def _by_answer(rows: Sequence[Row]) -> Line:
@@ -229,8 +229,8 @@ def _missed(row: Row) -> Line:
 def _force(clean: Sequence[Row]) -> str:
     named = [row for row in clean if row.named]
     return (
-        'Devices that follow the model in their pressures, with one effect on the measured force; the piston area is '
-        f'given. Columns as above. Of {len(clean)} recordings of devices with no effect {len(named)} get a name'
+        'Devices with one effect on the measured force and a given piston area. Columns as in the first table of '
+        f'answers. Of {len(clean)} recordings of devices with no effect {len(named)} get a name'
         + (f' ({_names(named)})' if named else '')
         + f', {sum(map(is_unexplained, clean))} end `unexplained`.'
     )
@@ -260,9 +260,9 @@ def _whole(rows: Sequence[Row], make: str) -> Line:
 
 
 ERRORS = (
-    '*Before* and *after* over the oracle floor: median / 90th percentile of visible draws, and of all clean '
-    'recordings. A single step has no test part. Noise floor: quantiles 5 %, 50 %, 95 %. Time of an '
-    'identification in one process with one thread: median / 90th percentile.'
+    '*Before* and *after*: test RMSE / oracle floor, median / 90th percentile of visible draws and clean recordings. '
+    'A single step has no test part. Noise floor: quantiles 5 %, 50 %, 95 %. Time in one thread: median / 90th '
+    'percentile.'
 )
 
 
@@ -299,7 +299,7 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     for schedule in SCHEDULES:
         of_schedule = [row for row in rows_of('effects') if row.schedule == schedule]
         lines = _lines(of_schedule, ['effect'], product([*LIBRARY, ALL]), _by_answer)
-        yield f'`{schedule}`: effect by answer', BY_ANSWER, lines
+        yield f'`{schedule}`: effect by answer', BY_ANSWER if schedule == SCHEDULES[0] else AS_ABOVE, lines
     choices = [*product(SCHEDULES, FOREIGN), *product(SCHEDULES, [ALL]), (ALL, ALL)]
     yield 'Effects outside the library', UNKNOWN, _lines(rows_of('foreign'), by_effect, choices, _unknown)
     lines = _lines(rows_of('clean'), ['noise', 'schedule'], product(NOISES, [*SCHEDULES, ALL]), _clean)
@@ -314,7 +314,7 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     of_makes = [*rows_of('whole'), *rows_of('healthy_whole')]
     yield 'Devices with all of their physics', WHOLE, [_whole(of_makes, make) for make in MAKES if of_makes]
     lines = _lines(rows_of('whole'), by_effect, product([*SCHEDULES, ALL], [*ON_WHOLE, ALL]), _by_answer)
-    yield 'Devices with all of their physics: effect by answer', BY_ANSWER, lines
+    yield 'Devices with all of their physics: effect by answer', AS_ABOVE, lines
     finite = [row for row in rows if math.isfinite(row.after)]
     lines = _lines(finite, ['kind', 'schedule'], product(KINDS, SCHEDULES), _errors)
     yield 'Errors, noise floor, time', ERRORS, lines

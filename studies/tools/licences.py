@@ -22,8 +22,8 @@ RUNNING = 'cfd-pneumatic[jazzy,plant]'
 
 PAGE = """# Licences
 
-Licences of the packages that `make setup`, `make lint` and `make colcon` install, as the packages state them. `make
-licences` writes this page from `requirements/ci.txt`. The licence of this package is Apache-2.0.
+Licences of the packages that `make setup`, `make lint` and `make colcon` install, as the packages state them.
+`make licences` writes this page from `requirements/ci.txt`. The licence of this package is Apache-2.0.
 
 ## Running
 
