@@ -146,11 +146,11 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     is_force = result.quantity.key == 'n'
     scale = 1.0 if is_force else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
-    own = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
-    text = f'The model predicts {own} with an error of {after} (RMS).'
+    force = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
+    text = f'The model predicts {force} with an error of {after} (RMS).'
     if _named(result):
         text = (
-            f'The model predicts {own} with an error of {before} (RMS) without {_named(result)}, and {after} with it.'
+            f'The model predicts {force} with an error of {before} (RMS) without {_named(result)}, and {after} with it.'
         )
     if is_force:
         return text
