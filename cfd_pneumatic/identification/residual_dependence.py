@@ -31,7 +31,7 @@ SUGGESTIONS: Mapping[str, str] = MappingProxyType(
         'pressure difference': 'what grows with the force: area, linkage, the scale of the load cell',
         'set-point': 'the set-point: gains that depend on the operating point, or a set-point that does not act',
         'valve error': "the regulator's valves: dead band, limits, dirt",
-        'time': 'temperature, supply and other consumers of air',
+        'time': 'the temperature, the air supply and other consumers of air',
     }
 )
 """What to inspect on the machine, by the signal on which the remaining error depends."""

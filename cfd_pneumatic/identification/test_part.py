@@ -57,10 +57,11 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
     where = f'in {experiments[worst].recording} ' if len(experiments) > 1 else ''
     if not _strokes_in(recordings[worst], 'validation').counts.size:  # the whole recording is a test part
         factor = _rmse(test) / max(_rmse(train), _TINY)
-        return [f'{where}the error is {factor:.2g} times that of the train part: the device or its work differs']
+        return [f'{where}the error is {factor:.2g} times that of the train part: the device or its task may differ']
     begin, factor = _likeliest_rise(recordings[worst])
     return [
-        f'{where}from t = {begin:.4g} s on the error is {factor:.2g} times what it was: the device or its work changed'
+        f'{where}from t = {begin:.4g} s on, the error is {factor:.2g} times as large as before: '
+        'the device or its task may have changed'
     ]
 
 

@@ -50,14 +50,14 @@ def print_summary(identification: Identification, console: Console) -> None:
         console.print()
         heading = f'{title(result.name)}: {verdict(result.findings.verdict)}{reservation(result.findings)}.'
         console.print(Text(heading, _STYLES.get(result.findings.verdict, 'bold')))
-        for name, text in zip(('What', 'How sure', 'Cost', 'Next'), summary):
+        for name, text in zip(('Diagnosis', 'How sure', 'Force error', 'What to do'), summary):
             console.print(Padding(_labelled(name, text), (0, 0, 0, 2)))
 
 
 def _labelled(name: str, text: str) -> Table:
     """Return a label and a text that wraps next to the label."""
     grid = Table.grid(padding=(0, 2, 0, 0))
-    grid.add_column(width=8)
+    grid.add_column(width=11)
     grid.add_column()
     grid.add_row(name, Text(text))
     return grid

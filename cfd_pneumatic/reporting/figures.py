@@ -183,11 +183,7 @@ def _alternative_text(result: ChannelResult, section: str) -> str:
     )
 
 
-_ZOOM_REASONS = {
-    'reduction': 'Largest reduction of the residual',
-    'remaining': 'Largest remaining error',
-    'residual': 'Largest residual',
-}
+_ZOOM_REASONS = {'reduction': 'Largest improvement', 'remaining': 'Largest error', 'residual': 'Largest error'}
 
 
 def _zoom_criterion(result: ChannelResult) -> str:
@@ -224,7 +220,7 @@ def zoom_window(result: ChannelResult) -> Excerpt:
 def _titles(result: ChannelResult) -> tuple[str, str, str]:
     absolute = ', absolute' if result.quantity.key == 'pa' else ''
     return (
-        'displacement that grows the chamber [mm]' if result.quantity.key == 'pa' else 'displacement [mm]',
+        'displacement, + grows the chamber [mm]' if result.quantity.key == 'pa' else 'displacement [mm]',
         f'{result.quantity.name}{absolute} [{result.quantity.large.unit}]',
         f'residual [{result.quantity.small.unit}]',
     )

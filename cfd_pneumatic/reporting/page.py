@@ -139,8 +139,8 @@ def _bars(result: ChannelResult) -> Iterator[dict[str, Any]]:
         values['after'] = result.rmse(1)
     values['noise'] = result.noise.std
     names = {
-        'before': result.quantity.model,
-        'after': f'with {" and ".join(readable_name(effect) for effect in result.added)}',
+        'before': 'model without effects',
+        'after': f'model with {" and ".join(readable_name(effect) for effect in result.added)}',
         'noise': 'sensor noise alone',
     }
     longest = max(values.values()) or 1.0

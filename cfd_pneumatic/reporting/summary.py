@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import chain
 from typing import NamedTuple
 
@@ -24,7 +24,8 @@ from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.notices import WARNING
 
 _DIGITS = 2  # of forces and ratios
-_LEAST_DIFFERENCE = 0.1  # between two directions that are reported apart, as a share
+_HYPOTHESIS = 'Hypothesis: more than sensor noise remains.'
+_PARTS = {'cylinder_a': 'cylinder A', 'cylinder_b': 'cylinder B', 'force': 'the contact force'}
 
 
 class Summary(NamedTuple):
@@ -37,7 +38,7 @@ class Summary(NamedTuple):
     """How sure the answer is."""
 
     cost: str
-    """Force error on the recordings, and force error per piston speed."""
+    """Error of the predicted force on the recordings, and change of the force per piston speed."""
 
     next: str
     """What to inspect on the machine, or what to do next."""
@@ -56,10 +57,11 @@ def _doubtful_summary(result: ChannelResult, identification: Identification) -> 
     warnings = [notice for notice in identification.notices if notice.level == WARNING]
     of_channel = [notice for notice in warnings if result.name in notice.message]
     notice = (of_channel or warnings)[0]
+    named = _named(result)
     return Summary(
-        f'Check the data first: {sentence(notice.message)}',
-        f'Uncertain. If the data are right: {_missing(result)}',
-        'Not known before the data are right.',
+        f'Check the data first. {sentence(notice.message)}',
+        'Uncertain until the data are checked.' + (f' The answer would be {named}.' if named else ''),
+        'Not known until the data are checked.',
         sentence(notice.fix),
     )
 
@@ -70,22 +72,31 @@ def noise_ratio(result: ChannelResult) -> float:
 
 
 def _missing(result: ChannelResult) -> str:
-    findings = result.findings
-    named = _and([_with_alternatives(result, effect) for effect in findings.effects])
-    plural = 's' if len(findings.effects) > 1 else ''
+    findings, part = result.findings, _PARTS[result.name]
     if findings.verdict == 'insufficient_data':
         return sentence(findings.why)
     if findings.verdict == 'no_missing_effect':
-        return f'Nothing is missing. The model explains the recording {_to_noise(result)}.'
-    if findings.unknown is not None:
-        more = f' Missing effect{plural}: {named}.' if named else ''
-        return f'Unknown cause: {findings.unknown.cause}.{more}'
+        return f'Nothing is missing. The model explains the recording of {part} {_to_noise(result)}.'
     if findings.verdict == 'unexplained':
-        more = f' Part of it is {named}.' if named else ''
-        size = f'Not explained. The error is {number(noise_ratio(result), _DIGITS)} times the sensor noise.'
+        known = ' and '.join(map(readable_name, findings.effects))
+        more = f' Part of the error is {known}.' if known else ''
+        ratio = number(noise_ratio(result), _DIGITS)
+        size = f'Not explained: the model error of {part} is {ratio} times the sensor noise.'
         return ' '.join([f'{size}{more}', *map(sentence, findings.contradictions)])
-    tied = ' This recording cannot distinguish them.' if any(findings.alternatives.values()) else ''
-    return f'Missing effect{plural}: {named}.{tied}'
+    causes = [_cause(result, effect) for effect in findings.effects]
+    if findings.unknown is not None:
+        causes.insert(0, f'An unknown characteristic of {part}: {findings.unknown.cause}.')
+    return ' '.join(causes)
+
+
+def _cause(result: ChannelResult, effect: str) -> str:
+    """Return an effect and its meaning as a sentence; tied effects together."""
+    rivals = result.findings.alternatives.get(effect, ())
+    if rivals:
+        names = ' or '.join(map(readable_name, (effect, *rivals)))
+        return f'{_capital(names)} in {_PARTS[result.name]}. This recording cannot distinguish them.'
+    where = f' in {_PARTS[result.name]}' if result.quantity.key == 'pa' else ' of the force'
+    return f'{_capital(readable_name(effect))}{where}: {result.channel.effects[effect].description}.'
 
 
 def _certainty(result: ChannelResult) -> str:
@@ -94,29 +105,35 @@ def _certainty(result: ChannelResult) -> str:
         return 'No answer: the recording is too short.'
     if findings.verdict == 'no_missing_effect':
         count = len(findings.not_visible)
-        hidden = f' {count} effects could not show in this recording.' if count else ''
-        return f'{_status(result)}{hidden}'
-    if findings.verdict == 'unexplained' and not result.added:
-        return 'No known effect explains it.' if findings.is_searched else 'Effects were not searched.'
-    return f'{_status(result)}{_reduction(result)}'
-
-
-def _status(result: ChannelResult) -> str:
-    return 'Confirmed.' if result.findings.status == 'confirmed' else 'Hypothesis: more than sensor noise remains.'
+        hidden = f' This recording could not show {count} of the known effects.' if count else ''
+        return f'Confirmed.{hidden}' if findings.status == 'confirmed' else f'{_HYPOTHESIS}{hidden}'
+    if findings.verdict == 'unexplained' and not findings.effects:
+        if not findings.is_searched:
+            return 'No effect was searched, because the input data look wrong.'
+        return 'The error is real. All known effects were tried; none explains the error.'
+    if findings.status != 'confirmed':
+        return f'{_HYPOTHESIS} {_reduction(result)}'
+    tied = any(findings.alternatives.values())
+    return f'{"Confirmed that one of them acts." if tied else "Confirmed."} {_reduction(result)}'
 
 
 def _reduction(result: ChannelResult) -> str:
-    """Return by how much the effects reduce the error, and what remains, as sentences."""
-    findings, ratio = result.findings, noise_ratio(result)
-    if findings.ratio is None:
-        return ''
-    text = f' The error falls to {percent(findings.ratio)}'
-    if findings.ratio_interval is not None:
+    """Return by how much the effects reduce the error of the model, as a sentence."""
+    small = result.quantity.small
+    before, after = (f'{number(result.rmse(which) / small.si)}' for which in (0, 1))
+    change = f'With {_named(result)} in the model, the model error falls from {before} to {after} {small.unit}'
+    findings = result.findings
+    if findings.ratio is not None and findings.ratio_interval is not None:
         low, high = findings.ratio_interval
-        text += f' ({100.0 * low:.0f} to {percent(high)})'
-    if findings.status == 'confirmed':
-        return f'{text}. Only sensor noise remains{f" ({number(ratio)} times)" if ratio > 1.0 else ""}.'
-    return f'{text}, {number(ratio, _DIGITS)} times the sensor noise.'
+        change += f' (to {percent(findings.ratio)}; 95 % interval {100.0 * low:.0f} to {percent(high)})'
+    ratio = noise_ratio(result)
+    remainder = 'sensor noise' if ratio <= 1.0 else f'{number(ratio)} times the sensor noise'
+    return f'{change}, which is {remainder}.'
+
+
+def _named(result: ChannelResult) -> str:
+    curve = ['the curve'] if result.findings.unknown is not None else []
+    return ' and '.join([*curve, *map(readable_name, result.findings.effects)])
 
 
 def _to_noise(result: ChannelResult) -> str:
@@ -125,24 +142,26 @@ def _to_noise(result: ChannelResult) -> str:
 
 
 def _cost(result: ChannelResult, geometry: Geometry) -> str:
-    """Return the force errors on the recording, and the force error per piston speed of a cylinder."""
+    """Return the errors of the predicted force, and the change of the force per piston speed."""
     is_force = result.quantity.key == 'n'
     scale = 1.0 if is_force else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
-    text = f'The predicted force is {after} off.'
-    if result.findings.effects or result.findings.unknown is not None:
-        names = 'them' if len(result.findings.effects) > 1 else 'it'
-        text = f'The predicted force is {before} off without {names}, {after} with {names}.'
+    force = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
+    text = f'The model predicts {force} with an error of {after} (RMS).'
+    if _named(result):
+        text = (
+            f'The model predicts {force} with an error of {before} (RMS) without {_named(result)}, and {after} with it.'
+        )
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
-    if abs(speed.growing - speed.shrinking) <= _LEAST_DIFFERENCE * speed.growing:
-        text += f' Each mm/s of piston speed changes the force by {growing}.'
-    else:
-        text += f' Each mm/s of piston speed changes the force by {growing} (chamber grows) or {shrinking} (shrinks).'
+    text += (
+        f' In any case the force changes with the speed of the piston: by −{growing} per mm/s while the chamber grows, '
+        f'by +{shrinking} per mm/s while the chamber shrinks.'
+    )
     if geometry.area is None:
-        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm².'
+        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm²; give your area with --area.'
     return text
 
 
@@ -161,26 +180,27 @@ def _next_steps(result: ChannelResult) -> Iterator[str]:
     if findings.unknown is not None:
         yield f'Inspect {PLACES[findings.unknown.enters].inspect}.'
     for effect in findings.effects:
-        names = (effect, *findings.alternatives.get(effect, ()))
-        yield f'Inspect {"; or ".join(dict.fromkeys(EFFECTS[name].inspect for name in names))}.'
+        rivals = findings.alternatives.get(effect, ())
+        for name in (effect, *rivals):
+            yield (
+                f'If {readable_name(name)}: inspect {EFFECTS[name].inspect}.'
+                if rivals
+                else (f'Inspect {EFFECTS[name].inspect}.')
+            )
     if findings.verdict == 'unexplained':
         dependences = residual_dependences(result)[:1] if findings.is_searched else []
         for dependence in dependences:
-            yield f'The remaining error depends on {dependence.on}: {percent(dependence.share)}.'
+            yield f'{_capital(dependence.on)} explains {percent(dependence.share)} of the model error.'
             yield f'Inspect {dependence.suggestion}.'
         if not dependences:
-            yield 'The remaining error depends on no single signal. Look at the plots of the residual.'
+            yield 'No single signal explains the model error. Look at the plots of the residual.'
     elif not findings.effects and findings.unknown is None:
         yield 'No inspection is needed.'
     tied = {name: rivals for name, rivals in findings.alternatives.items() if rivals}
     advice = dict.fromkeys(EFFECTS[name].advice for name in (*tied, *chain(*tied.values())) if EFFECTS[name].advice)
     if advice:
-        yield f'To decide, record {"; ".join(advice)}.'
+        yield f'To decide, record {", and ".join(advice)}.'
 
 
-def _with_alternatives(result: ChannelResult, effect: str) -> str:
-    return ' or '.join(map(readable_name, (effect, *result.findings.alternatives.get(effect, ()))))
-
-
-def _and(names: Sequence[str]) -> str:
-    return ' and '.join(names)
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -253,7 +253,7 @@ def test_the_verdict_is_put_into_words():
 
 
 def test_what_withdraws_a_verdict_stands_beside_what_was_found():
-    against = ['from t = 52 s on the error is 6 times what it was: the device or its work changed']
+    against = ['from t = 52 s on, the error is 6 times as large as before: the device or its task may have changed']
     for effects, ratio, interval, words in (
         ((), None, None, 'The model explains the recording down to sensor noise. From t = 52 s on'),
         (

@@ -58,7 +58,7 @@ def test_says_from_when_on_the_error_is_larger_and_how_much(strokes, begins, fac
     words = clause.split()
     assert abs(float(words[words.index('=') + 1]) - begins) <= 1.1  # a stroke takes a second
     assert float(words[words.index('times') - 1]) == pytest.approx(factor, rel=0.5)
-    assert clause.endswith('the device or its work changed')
+    assert clause.endswith('the device or its task may have changed')
 
 
 def test_what_is_below_the_noise_contradicts_nothing(strokes):

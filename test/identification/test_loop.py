@@ -164,7 +164,7 @@ def test_the_test_part_decides_nothing():
     )
     other = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
     assert other.conclusion.verdict == 'unexplained'
-    assert 'the device or its work changed' in other.conclusion.why
+    assert 'the device or its task may have changed' in other.conclusion.why
     assert [trial.effect for trial in other.conclusion.tried] == [trial.effect for trial in honest.conclusion.tried]
     found = honest.found if other.conclusion.effects else honest.fit
     np.testing.assert_allclose(other.found.model.parameters, found.model.parameters, rtol=1e-6)

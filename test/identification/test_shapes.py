@@ -119,7 +119,7 @@ def test_a_law_that_takes_most_of_the_error_is_shown_though_the_test_part_errs_m
     assert (result.findings.verdict, result.findings.status) == ('unexplained', 'hypothesis')
     assert result.findings.unknown is not None
     assert result.findings.unknown.against == 'time'
-    assert 'the device or its work changed' in result.findings.why
+    assert 'the device or its task may have changed' in result.findings.why
     assert result.rmse(1) < 0.2 * result.rmse(0)
 
 

@@ -103,7 +103,7 @@ def test_a_law_is_drawn_with_its_band_and_grey_where_nobody_has_been():
     law = Characteristic('gain', 'x', (), at, value, value - 0.02, value + 0.03, at > -5e-4, 0.5)
     chart = figures.characteristic_chart(law)
     for drawing in (svg(chart, width) for width in (1000, 380)):
-        assert 'stiffness K_x, more by [%]' in drawing
+        assert 'swept volume and stiffness K_x, more by [%]' in drawing
         assert 'displacement [mm]' in drawing
         assert (drawing.count(figures.MUTED), drawing.count(figures.AFTER)) == (1, 3)
-    assert 'sweeps up to 10 % more or less volume, depending on the place along the stroke' in chart.caption
+    assert 'the volume that the piston sweeps varies by 10 %, depending on the position of the piston' in chart.caption

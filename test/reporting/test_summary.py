@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -31,24 +32,25 @@ def changed(**values):
 
 def test_an_effect_is_named_with_what_to_inspect():
     summary = summary_of(closed())
-    assert summary.missing == 'Missing effect: droop.'
-    assert summary.certainty.startswith('Confirmed. The error falls to ')
+    assert summary.missing == f'Droop in cylinder A: {EFFECTS["droop"].description}.'
+    assert summary.certainty.startswith('Confirmed. With droop in the model, the model error falls from ')
     assert summary.next == f'Inspect {EFFECTS["droop"].inspect}.'
 
 
 def test_a_tie_names_both_and_what_decides():
     tie = changed(alternatives={'droop': ('heat_transfer',)})
     summary = summary_of(tie)
-    assert summary.missing == 'Missing effect: droop or heat transfer. This recording cannot distinguish them.'
+    assert summary.missing == 'Droop or heat transfer in cylinder A. This recording cannot distinguish them.'
     assert EFFECTS['heat_transfer'].inspect in summary.next
     advice = dict.fromkeys(EFFECTS[name].advice for name in ('droop', 'heat_transfer'))
-    assert summary.next.endswith(f'To decide, record {"; ".join(advice)}.')
+    assert summary.next.endswith(f'To decide, record {", and ".join(advice)}.')
+    assert summary.certainty.startswith('Confirmed that one of them acts.')
 
 
 def test_several_effects_of_the_force_are_named_together():
     summary = summary_of(with_force(closed()), 'force')
-    assert summary.missing == 'Missing effect: seal friction.'
-    assert ' N off without it, ' in summary.cost
+    assert summary.missing.startswith('Seal friction of the force: ')
+    assert ' N (RMS) without seal friction, and ' in summary.cost
     assert 'mm/s' not in summary.cost
 
 
@@ -62,15 +64,18 @@ def test_an_unexplained_error_has_a_size_and_the_strongest_hint():
         result, comparisons=(comparison,), after=errors, conclusion=replace(result.conclusion, effects=(), unknown=None)
     )
     summary = summarise(drifting, found)
-    assert summary.missing == f'Not explained. The error is {1e3 / result.noise.std:.2g} times the sensor noise.'
-    assert 'The remaining error depends on time: ' in summary.next
-    assert 'temperature, supply' in summary.next
+    assert (
+        summary.missing
+        == f'Not explained: the model error of cylinder A is {1e3 / result.noise.std:.2g} times the sensor noise.'
+    )
+    assert re.search(r'Time explains \d+\u00a0% of the model error', summary.next)
+    assert 'the temperature, the air supply' in summary.next
 
 
 def test_nothing_missing_is_worded_as_success():
     found = changed(verdict='no_missing_effect', effects=(), unknown=None)
     summary = summary_of(found)
-    assert summary.missing.startswith('Nothing is missing. The model explains the recording ')
+    assert summary.missing.startswith('Nothing is missing. The model explains the recording of cylinder A ')
     assert summary.next == 'No inspection is needed.'
     ratio = noise_ratio(found.channels['cylinder_a'])
     assert (f'to within {ratio:.2f} times' in summary.missing) == (ratio > 1.0)
@@ -80,7 +85,7 @@ def test_a_curve_is_described_with_its_place():
     at = np.linspace(-1e-3, 1e-3, 5)
     curve = Characteristic('gain', 'x', (), at, 0.1 + 0.0 * at, 0.0 * at, 0.2 + 0.0 * at, at > -1.0, 0.5)
     summary = summary_of(changed(verdict='shape_found', effects=(), unknown=curve))
-    assert summary.missing == f'Unknown cause: {curve.cause}.'
+    assert summary.missing == f'An unknown characteristic of cylinder A: {curve.cause}.'
     assert summary.next == 'Inspect the bore, the seal and the chamber walls.'
 
 
@@ -89,8 +94,8 @@ def test_doubtful_data_come_before_an_inspection():
         changed(has_warning=True), notices=(warning('unit_suspect', 'the stroke is 12 m', 'set `unit: mm`'),)
     )
     summary = summary_of(found)
-    assert summary.missing == 'Check the data first: The stroke is 12 m.'
-    assert summary.certainty == 'Uncertain. If the data are right: Missing effect: droop.'
+    assert summary.missing == 'Check the data first. The stroke is 12 m.'
+    assert summary.certainty == 'Uncertain until the data are checked. The answer would be droop.'
     assert summary.next == 'Set `unit: mm`.'
 
 

@@ -119,22 +119,22 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'set_point': Place(
             'Pa',
             'set-point, off by',
-            'the pressure that the regulator holds is off by up to {} Pa',
+            'the pressure that the regulator holds varies by {} Pa',
             'the regulator, its control line and its mounting',
             (EffectFunction('setpoint', 'p_d', 'p_d + {}', 'the set-point that acts [Pa]'),),
         ),
         'flow': Place(
             '1',
             'flow, more by',
-            'the valves pass up to {} % more or less',
+            'the flow of the valves varies by {} %',
             'the supply line, the valve seats and the silencer',
             (_FLOW,),
             gains=slice(1, 3),
         ),
         'gain': Place(
             '1',
-            'stiffness K_x, more by',
-            'the piston sweeps up to {} % more or less volume',
+            'swept volume and stiffness K_x, more by',
+            'the volume that the piston sweeps varies by {} %',
             'the bore, the seal and the chamber walls',
             (_GAIN,),
             gains=slice(0, 1),
@@ -174,14 +174,14 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'sensing': Place(
             'Pa',
             'reading, off by',
-            'the pressure sensor reads up to {} Pa too much or too little',
+            'the reading of the pressure sensor varies by {} Pa',
             'the pressure sensor, its line and its supply',
             (EffectFunction('signal', 'p', 'p + {}', 'the reading of the sensor [Pa]'),),
         ),
         'stiffness': Place(
             '1',
             'stiffness of the air, more by',
-            'the air in the chamber is up to {} % stiffer or softer',
+            'the stiffness of the air in the chamber varies by {} %',
             'the chamber walls, and hoses and parts that are connected to the chamber',
             (_GAIN, _FLOW),
             gains=slice(0, 3),
@@ -189,7 +189,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'force': Place(
             'N',
             'force, more by',
-            'an additional force adds or takes up to {} N',
+            'an additional force varies by {} N',
             'cables and hoses that the piston moves, stops, and the zero of the load cell',
             _of_force('value + {}', 'the contact force [N]'),
         ),
@@ -204,7 +204,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
         'cell': Place(
             '1',
             'reading of the load cell, more by',
-            'the load cell reads up to {} % too much or too little',
+            'the reading of the load cell varies by {} %',
             'the load cell, how it is mounted, and the linkage',
             _of_force('value * (1.0 + {})', 'the reading of the load cell [N]'),
         ),
@@ -214,7 +214,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
 
 VARIABLES: Mapping[str, Variable] = MappingProxyType(
     {
-        'x': Variable('m', 'displacement', 'x', 'depending on the place along the stroke', 'moment.x', 'displacement'),
+        'x': Variable('m', 'displacement', 'x', 'depending on the position of the piston', 'moment.x', 'displacement'),
         'speed': Variable(
             'm/s', 'speed of the piston', 'v', 'depending on the speed of the piston', 'moment.rate', 'speed'
         ),

@@ -251,7 +251,7 @@ def _lag_advice(ratio: float = 1.0) -> str:
         return f'the lag comes from {dynamics}: {evidence}'
     if ratio < 1.0 - LEAST_FORCE_ERROR_CHANGE:
         return f'inspect {sensor}: without the lag the error of the force falls to {100.0 * ratio:.0f} %'
-    return f'inspect {sensor}; otherwise the lag comes from {dynamics}'
+    return f'inspect {sensor}; if both are in order, the lag comes from {dynamics}'
 
 
 def _check_change_over_time(result: ChannelResult) -> Iterator[Notice]:

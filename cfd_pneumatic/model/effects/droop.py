@@ -33,7 +33,7 @@ def fastest(speed: float, slope: float, lag: float) -> float:
 EFFECT = Effect(
     name='droop',
     description='the regulated pressure sags under flow, with a lag',
-    inspect='the supply line and the size of the regulator',
+    inspect='the supply line and the regulator: either may be too small',
     parameters=(
         EffectParameter('slope', 's', 0.0, 10.0, 0.0, "sag for each unit of the flow's pressure rate"),
         EffectParameter('lag', 's', 1e-3, 1e2, 1.0, 'time constant', logarithmic=True),

@@ -31,7 +31,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='positional_leakage',
     description='a leak to ambient that opens with position near one end of the stroke',
-    inspect='the cylinder wall and the seal at that end of the stroke',
+    inspect='the cylinder wall and the seal, near the end of the stroke',
     parameters=(
         EffectParameter('conductance', '1/s', 0.0, 1e3, 0.0, 'share of the gauge pressure lost per second, fully open'),
         EffectParameter(
