@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'cfd_pneumatic'
+DESCRIPTION = ElementTree.parse(Path(__file__).resolve().with_name('package.xml'))
 
 setup(
     name=PACKAGE,
-    version='0.2.0',
+    version=DESCRIPTION.findtext('version'),
     description='Simulates a pneumatic constant-force device in ROS 2 and identifies it from recordings.',
     author='cfd_pneumatic maintainers',
     maintainer='cfd_pneumatic maintainers',
