@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write the pages of the Python interface: the names that packages export, with their docstrings."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from studies.documents.site.links import assigned_names
+from studies.tools.provenance import ROOT
+
+PACKAGE = 'cfd_pneumatic'
+FOLDER = 'api'
+"""Folder of the pages in the site."""
+
+
+class Export(NamedTuple):
+    """
+    A name that a package exports.
+
+    Attributes
+    ----------
+    name
+        Name in the package.
+    module
+        Full name of the module that defines the name.
+    original
+        Name in the module.
+
+    """
+
+    name: str
+    module: str
+    original: str
+
+    @property
+    def path(self) -> Path:
+        """File of the module."""
+        path = ROOT.joinpath(*self.module.split('.'))
+        return path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+
+
+def packages() -> list[str]:
+    """Return the full names of the package and its subpackages that export names."""
+    inner = sorted(path.parent.name for path in (ROOT / PACKAGE).glob('*/__init__.py'))
+    return [package for package in [PACKAGE, *(f'{PACKAGE}.{name}' for name in inner)] if exports(package)]
+
+
+def exports(package: str) -> list[Export]:
+    """Return the names that a package imports from its modules, in alphabetical order."""
+    tree = ast.parse(ROOT.joinpath(*package.split('.'), '__init__.py').read_text(encoding='utf-8'))
+    blocks = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.If))]
+    found = [
+        Export(alias.asname or alias.name, str(node.module), alias.name)
+        for block in blocks
+        for node in block
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{PACKAGE}.')
+        for alias in node.names
+        if package == PACKAGE or str(node.module).startswith(f'{package}.')
+    ]
+    return sorted(
+        (export for export in found if export.name != 'loader_of'), key=lambda export: (export.name.lower(), export)
+    )
+
+
+def defining(export: Export) -> Export:
+    """Return the export with the module and name of the definition, through all packages that import the name."""
+    tree = ast.parse(export.path.read_text(encoding='utf-8'))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                if (alias.asname or alias.name) == export.original and str(node.module).startswith(f'{PACKAGE}.'):
+                    return defining(Export(export.name, str(node.module), alias.name))
+    return export
+
+
+def constant_docs(path: Path) -> dict[str, str]:
+    """Return the text below each assignment at the top of a module, by name; an empty text without."""
+    body = ast.parse(path.read_text(encoding='utf-8')).body
+    found: dict[str, str] = {}
+    for node, after in zip(body, [*body[1:], ast.Pass()]):
+        is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+        text = after.value.value if is_text else ''  # type: ignore[attr-defined]
+        found.update((name, inspect.cleandoc(str(text))) for name in assigned_names(node))
+    return found
+
+
+def write_pages(folder: Path) -> list[str]:
+    """
+    Write a page for each package into a folder; return the names of the pages in order.
+
+    A package that needs a missing extra has no page; one line names the extra's module.
+    """
+    folder.mkdir(parents=True)
+    documented: dict[tuple[str, str], str] = {}
+    names = []
+    for package in packages():
+        try:
+            text = page(package, documented)
+        except ModuleNotFoundError as error:
+            print(f'{package} has no page: the module {error.name} is not installed.', file=sys.stderr)
+            continue
+        (folder / f'{package}.rst').write_text(text, encoding='utf-8')
+        names.append(package)
+    return names
+
+
+def page(package: str, documented: dict[tuple[str, str], str]) -> str:
+    """
+    Return the page of a package in reStructuredText.
+
+    Parameters
+    ----------
+    package
+        Full name.
+    documented
+        For the definition of each name that an earlier page describes: its full name there. The function adds the
+        names of this page.
+
+    """
+    module = import_module(package)
+    parts = [package, '=' * len(package), '', inspect.cleandoc(module.__doc__ or ''), '', f'.. currentmodule:: {package}']
+    described, elsewhere = [], []
+    for export in exports(package):
+        origin = defining(export)
+        key = origin.module, origin.original
+        if key in documented:
+            elsewhere.append(documented[key])
+        else:
+            documented[key] = f'{package}.{export.name}'
+            described += [*_entry(export, origin, getattr(module, export.name)), '']
+    if elsewhere:
+        links = ', '.join(f':py:obj:`{name.removeprefix(PACKAGE + ".")} <{name}>`' for name in elsewhere)
+        parts += ['', f'The package also exports names that other pages describe: {links}.']
+    return '\n'.join([*parts, '', *described]) + '\n'
+
+
+def _entry(export: Export, origin: Export, value: Any) -> Iterator[str]:
+    """Yield the lines that describe a name."""
+    if inspect.isclass(value):
+        yield f'.. autoclass:: {export.name}'
+        yield '   :members:'
+    elif callable(value) and origin.original not in constant_docs(origin.path):
+        yield f'.. autofunction:: {export.name}'
+    else:
+        yield f'.. py:data:: {export.name}'
+        yield ''
+        for line in constant_docs(origin.path).get(origin.original, '').splitlines():
+            yield f'   {line}'.rstrip()

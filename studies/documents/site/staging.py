@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Copy the pages of the repository into the folder that Sphinx reads, and add the generated pages."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from studies.documents.site import api, gallery
+from studies.documents.site.links import with_equation_targets, with_site_links
+from studies.documents.site.notebook_page import notebook_page
+from studies.tools.provenance import ROOT
+
+DOCS = ROOT / 'docs'
+NOTEBOOK = DOCS / 'tutorials' / 'python.ipynb'
+NOTEBOOK_PAGE = 'tutorials/python_notebook.md'
+"""Place of the notebook's page in the site: `tutorials/python` is the page with the same text."""
+
+FRONT = {ROOT / 'README.md': 'readme.md', ROOT / 'CONTRIBUTING.md': 'contributing.md', ROOT / 'CHANGELOG.rst': 'changelog.rst'}
+"""Pages outside of docs, with their places in the site."""
+
+SETTINGS = 'conf.py', '_static', '_templates'
+"""Files of docs that are no content."""
+
+
+class Group(NamedTuple):
+    """A part of the navigation: its caption, and the folders and pages of docs that the part contains."""
+
+    caption: str
+    places: tuple[str, ...]
+
+
+GROUPS = (
+    Group('Tutorials', ('tutorials',)),
+    Group('How-to guides', ('how_to',)),
+    Group('Reference', ('reference',)),
+    Group('Python interface', (api.FOLDER,)),
+    Group('Explanation', ('explanation',)),
+    Group('Gallery', ('gallery',)),
+    Group('Measurements', ('measurements', 'figures')),
+    Group('Development', ('contributing', 'development', 'design', 'changelog')),
+)
+"""The navigation in order. The last group also contains the pages of docs that no group names."""
+
+TITLES = {NOTEBOOK_PAGE: 'Identification in Python: notebook'}
+"""Titles in the navigation of pages that have the title of another page."""
+
+
+def stage(folder: Path, examples: Iterable[gallery.Example] = gallery.EXAMPLES) -> None:
+    """
+    Write the source of the site.
+
+    Parameters
+    ----------
+    folder
+        Folder to write; the folder must not exist.
+    examples
+        Recordings of the gallery of reports; none for a site without this gallery.
+
+    """
+    places = {path: str(path.relative_to(DOCS)) for path in content()} | FRONT | {NOTEBOOK: NOTEBOOK_PAGE}
+    for path, place in places.items():
+        target = folder / place
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if path == NOTEBOOK:
+            text = notebook_page(path, target, lambda text: with_site_links(text, NOTEBOOK, places))
+            target.write_text(text, encoding='utf-8')
+        elif path.suffix == '.md':
+            text = with_site_links(path.read_text(encoding='utf-8'), path, places)
+            target.write_text(with_equation_targets(text), encoding='utf-8')
+        else:
+            shutil.copyfile(path, target)
+    order = [*places.values(), *(f'{api.FOLDER}/{name}.rst' for name in api.write_pages(folder / api.FOLDER))]
+    order += _write_gallery(folder, tuple(examples))
+    index = folder / 'index.md'
+    text = index.read_text(encoding='utf-8')
+    index.write_text(text + navigation(text, [place for place in order if place != 'index.md']), encoding='utf-8')
+
+
+def content() -> Iterator[Path]:
+    """Yield the files of docs that are content."""
+    for path in sorted(DOCS.rglob('*')):
+        inner = path.relative_to(DOCS).parts[0]
+        if path.is_file() and inner not in SETTINGS and path != NOTEBOOK:
+            yield path
+
+
+def _write_gallery(folder: Path, examples: tuple[gallery.Example, ...]) -> Iterator[str]:
+    """Write the pages of the gallery, and yield their places."""
+    pages = {'effects': gallery.effects_page()}
+    if examples:
+        pages['reports'] = gallery.write_reports(folder / '_extra' / gallery.REPORTS, examples)
+    (folder / 'gallery').mkdir()
+    for name, text in pages.items():
+        (folder / 'gallery' / f'{name}.md').write_text(text, encoding='utf-8')
+        yield f'gallery/{name}.md'
+
+
+def navigation(index: str, places: Iterable[str]) -> str:
+    """
+    Return the hidden tables of contents of all pages.
+
+    Parameters
+    ----------
+    index
+        Text of the root page. Pages have the order in which this text links them; other pages follow.
+    places
+        Paths of the pages from the site's root.
+
+    """
+    linked = re.findall(r'\]\(([^)#\s]+)', index)
+    pages = [place for place in places if place.endswith(('.md', '.rst')) and place != FRONT[ROOT / 'README.md']]
+    pages.sort(key=lambda place: linked.index(place) if place in linked else len(linked))
+    trees = [_tree('', [FRONT[ROOT / 'README.md']])]
+    for group in GROUPS:
+        rest = [] if group is not GROUPS[-1] else [place for place in pages if not any(map(place.startswith, _NAMED))]
+        inside = [place for place in pages if _is_in(place, group)]
+        trees.append(_tree(group.caption, [*inside, *rest]))
+    return '\n'.join(filter(None, trees))
+
+
+_NAMED = tuple(place for group in GROUPS for place in group.places)
+
+
+def _is_in(place: str, group: Group) -> bool:
+    return place.split('/')[0] in group.places or place.rsplit('.', 1)[0] in group.places
+
+
+def _tree(caption: str, pages: Iterable[str]) -> str:
+    lines = [place.rsplit('.', 1)[0] for place in pages]
+    lines = [f'{TITLES[f"{line}.md"]} <{line}>' if f'{line}.md' in TITLES else line for line in lines]
+    if not lines:
+        return ''
+    return '\n'.join(['', '```{toctree}', ':hidden:', *([f':caption: {caption}'] if caption else []), '', *lines, '```', ''])
