@@ -7,6 +7,7 @@ import ast
 import inspect
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -45,6 +46,22 @@ class Export(NamedTuple):
         return path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
 
 
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+@cache
+def _imports(path: Path) -> dict[str, tuple[str, str]]:
+    """Return the names that a module imports from the library, each with its module and its name there."""
+    return {
+        alias.asname or alias.name: (str(node.module), alias.name)
+        for node in ast.walk(_tree(path))
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{PACKAGE}.')
+        for alias in node.names
+    }
+
+
 def packages() -> list[str]:
     """Return the full names of the package and its subpackages that export names."""
     inner = sorted(path.parent.name for path in (ROOT / PACKAGE).glob('*/__init__.py'))
@@ -53,35 +70,25 @@ def packages() -> list[str]:
 
 def exports(package: str) -> list[Export]:
     """Return the names that a package imports from its modules, in alphabetical order."""
-    tree = ast.parse(ROOT.joinpath(*package.split('.'), '__init__.py').read_text(encoding='utf-8'))
-    blocks = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.If))]
+    imports = _imports(ROOT.joinpath(*package.split('.'), '__init__.py'))
     found = [
-        Export(alias.asname or alias.name, str(node.module), alias.name)
-        for block in blocks
-        for node in block
-        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f'{PACKAGE}.')
-        for alias in node.names
-        if package == PACKAGE or str(node.module).startswith(f'{package}.')
+        Export(name, module, original)
+        for name, (module, original) in imports.items()
+        if name != 'loader_of' and (package == PACKAGE or module.startswith(f'{package}.'))
     ]
-    return sorted(
-        (export for export in found if export.name != 'loader_of'), key=lambda export: (export.name.lower(), export)
-    )
+    return sorted(found, key=lambda export: (export.name.lower(), export))
 
 
 def defining(export: Export) -> Export:
-    """Return the export with the module and name of the definition, through all packages that import the name."""
-    tree = ast.parse(export.path.read_text(encoding='utf-8'))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                if (alias.asname or alias.name) == export.original and str(node.module).startswith(f'{PACKAGE}.'):
-                    return defining(Export(export.name, str(node.module), alias.name))
-    return export
+    """Return the export with the module and name of the definition, through all modules that import the name."""
+    origin = _imports(export.path).get(export.original)
+    return export if origin is None else defining(Export(export.name, *origin))
 
 
+@cache
 def constant_docs(path: Path) -> dict[str, str]:
     """Return the text below each assignment at the top of a module, by name; an empty text without."""
-    body = ast.parse(path.read_text(encoding='utf-8')).body
+    body = _tree(path).body
     found: dict[str, str] = {}
     for node, after in zip(body, [*body[1:], ast.Pass()]):
         is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)

@@ -12,7 +12,6 @@ import html
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
@@ -23,7 +22,7 @@ import quickjs
 from docutils import nodes
 from pygments import highlight
 from pygments.formatters import HtmlFormatter
-from pygments.lexers import TextLexer, get_lexer_for_filename
+from pygments.lexers import BashLexer, TextLexer, get_lexer_for_filename
 from pygments.util import ClassNotFound
 from sphinx.application import Sphinx
 
@@ -41,19 +40,39 @@ MODEL = 'explanation/model.md'
 FONT = 'STIXTwoMath-Regular.ttf'
 """Font of the equations, in the package ziamath."""
 
+SOURCE_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{file}</title>
+<link rel="stylesheet" href="{root}_static/pygments.css">
+<link rel="stylesheet" href="{root}_static/styles/furo.css">
+<link rel="stylesheet" href="{root}_static/site.css">
+</head>
+<body class="source">
+<script>document.body.dataset.theme = localStorage.getItem("theme") || "auto";</script>
+<p><a href="{root}index.html">Documentation</a></p>
+<h1>{file}</h1>
+{code}
+</body>
+</html>
+"""
+
 _used_sources: set[str] = set()
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Connect the functions of this module."""
     app.add_html_math_renderer('mathml', inline_renderers=(_visit_math, None), block_renderers=(_visit_math, None))
+    app.add_lexer('console', BashLexer)  # the blocks have no prompt, which Pygments requires of a console
     app.connect('builder-inited', _start)
     app.connect('doctree-read', _draw_diagrams)
     app.connect('doctree-resolved', _resolve_source_links)
     app.connect('autodoc-process-docstring', _refer_to_equations)
     app.connect('autodoc-skip-member', _skip_member)
     app.connect('missing-reference', _resolve_definition)
-    app.connect('html-collect-pages', _source_pages)
+    app.connect('build-finished', _write_source_pages)
     return {'parallel_read_safe': False, 'parallel_write_safe': False}
 
 
@@ -146,16 +165,23 @@ def _exports(package: str) -> dict[str, Any]:
     return {export.name: defining(export) for export in exports(package)}
 
 
-def _source_pages(app: Sphinx) -> Iterator[tuple[str, dict[str, str], str]]:
-    """Yield a page for each linked file of the repository."""
+def _write_source_pages(app: Sphinx, error: Exception | None) -> None:
+    """Write a page for each linked file of the repository, without the navigation, which would take a minute."""
     for file in sorted(_used_sources):
-        text = (ROOT / file).read_text(encoding='utf-8')
-        try:
-            lexer = get_lexer_for_filename(file, stripnl=False)
-        except ClassNotFound:
-            lexer = TextLexer(stripnl=False)
-        body = highlight(text, lexer, HtmlFormatter(lineanchors='line', linenos='inline', anchorlinenos=True))
-        yield f'{SOURCES}/{file}', {'title': file, 'body': f'<h1>{html.escape(file)}</h1>{body}'}, 'page.html'
+        path = Path(app.outdir, SOURCES, f'{file}.html')
+        path.parent.mkdir(parents=True, exist_ok=True)
+        root = '../' * (file.count('/') + 1)
+        path.write_text(SOURCE_PAGE.format(file=html.escape(file), root=root, code=_coloured(file)), encoding='utf-8')
+
+
+def _coloured(file: str) -> str:
+    """Return the text of a file as HTML with numbered lines."""
+    text = (ROOT / file).read_text(encoding='utf-8')
+    try:
+        lexer = get_lexer_for_filename(file, stripnl=False)
+    except ClassNotFound:
+        lexer = TextLexer(stripnl=False)
+    return highlight(text, lexer, HtmlFormatter(lineanchors='line', linenos='inline', anchorlinenos=True))
 
 
 # Docstrings
