@@ -38,12 +38,14 @@ default_role = 'code'
 autodoc_member_order = 'bysource'
 autodoc_class_signature = 'mixed'
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {'Array': 'cfd_pneumatic.arrays.Array'}
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = False
 python_use_unqualified_type_names = True
-python_maximum_signature_line_length = 88
+python_maximum_signature_line_length = 140
 
 html_theme = 'furo'
+pygments_dark_style = 'github-dark'
 html_title = f'{project} {release}'
 html_static_path = ['_static']
 html_css_files = ['site.css']

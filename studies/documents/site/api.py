@@ -6,10 +6,11 @@ from __future__ import annotations
 import ast
 import inspect
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from studies.documents.site.links import assigned_names
@@ -101,50 +102,55 @@ def write_pages(folder: Path) -> list[str]:
     """
     Write a page for each package into a folder; return the names of the pages in order.
 
-    A package that needs a missing extra has no page; one line names the extra's module.
+    A package has no page if other pages describe all its names, or if an extra is missing; one line names the missing
+    module.
     """
     folder.mkdir(parents=True)
-    documented: dict[tuple[str, str], str] = {}
+    described: dict[tuple[str, str], str] = {}
     names = []
     for package in packages():
         try:
-            text = page(package, documented)
+            text, more = page(package, described)
         except ModuleNotFoundError as error:
             print(f'{package} has no page: the module {error.name} is not installed.', file=sys.stderr)
             continue
-        (folder / f'{package}.rst').write_text(text, encoding='utf-8')
-        names.append(package)
+        if more:
+            described |= more
+            names.append(package)
+            (folder / f'{package}.rst').write_text(text, encoding='utf-8')
     return names
 
 
-def page(package: str, documented: dict[tuple[str, str], str]) -> str:
+def page(
+    package: str, described: Mapping[tuple[str, str], str] = MappingProxyType({})
+) -> tuple[str, dict[tuple[str, str], str]]:
     """
-    Return the page of a package in reStructuredText.
+    Return the page of a package in reStructuredText, and the names that the page describes.
 
     Parameters
     ----------
     package
         Full name.
-    documented
-        For the definition of each name that an earlier page describes: its full name there. The function adds the
-        names of this page.
+    described
+        For each definition that another page describes, by module and name: its full name there. The result has the
+        same form.
 
     """
     module = import_module(package)
-    parts = [package, '=' * len(package), '', inspect.cleandoc(module.__doc__ or ''), '', f'.. currentmodule:: {package}']
-    described, elsewhere = [], []
+    entries, more, elsewhere = [], {}, []
     for export in exports(package):
         origin = defining(export)
         key = origin.module, origin.original
-        if key in documented:
-            elsewhere.append(documented[key])
+        if key in described:
+            elsewhere.append(described[key])
         else:
-            documented[key] = f'{package}.{export.name}'
-            described += [*_entry(export, origin, getattr(module, export.name)), '']
+            more[key] = f'{package}.{export.name}'
+            entries += [*_entry(export, origin, getattr(module, export.name)), '']
+    parts = [package, '=' * len(package), '', inspect.cleandoc(module.__doc__ or ''), '']
     if elsewhere:
         links = ', '.join(f':py:obj:`{name.removeprefix(PACKAGE + ".")} <{name}>`' for name in elsewhere)
-        parts += ['', f'The package also exports names that other pages describe: {links}.']
-    return '\n'.join([*parts, '', *described]) + '\n'
+        parts += [f'The package also exports names that other pages describe: {links}.', '']
+    return '\n'.join([*parts, f'.. currentmodule:: {package}', '', *entries]) + '\n', more
 
 
 def _entry(export: Export, origin: Export, value: Any) -> Iterator[str]:

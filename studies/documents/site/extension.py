@@ -26,7 +26,7 @@ from pygments.lexers import BashLexer, TextLexer, get_lexer_for_filename
 from pygments.util import ClassNotFound
 from sphinx.application import Sphinx
 
-from studies.documents.site.api import FOLDER, PACKAGE, defining, exports, packages
+from studies.documents.site.api import defining, exports, packages
 from studies.documents.site.gallery import REPORTS
 from studies.documents.site.links import SCHEME, definition_lines, equation_numbers, with_equation_references
 from studies.tools.provenance import ROOT
@@ -187,9 +187,7 @@ def _coloured(file: str) -> str:
 # Docstrings
 
 
-def _refer_to_equations(
-    app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]
-) -> None:
+def _refer_to_equations(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Link the equations that a docstring names to the page of the model."""
     numbers = equation_numbers(Path(app.srcdir, MODEL).read_text(encoding='utf-8'))
     lines[:] = with_equation_references('\n'.join(lines), numbers).split('\n')

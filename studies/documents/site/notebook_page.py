@@ -50,7 +50,8 @@ def _output(output: dict[str, Any], pictures: Iterator[Path]) -> str:
         path.write_bytes(base64.b64decode(''.join(data['image/png'])))
         return f'![Output of the cell above]({path.name})'
     text = ''.join(output.get('text', data.get('text/plain', output.get('traceback', ''))))
-    return _block('text', _ESCAPE.sub('', text).replace('\r\n', '\n').rstrip('\n'))
+    plain = _ESCAPE.sub('', text).replace('\r\n', '\n').rstrip('\n')
+    return _block('{code-block} text', f':class: output\n\n{plain}')
 
 
 def _block(language: str, text: str) -> str:

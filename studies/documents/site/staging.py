@@ -19,7 +19,11 @@ NOTEBOOK = DOCS / 'tutorials' / 'python.ipynb'
 NOTEBOOK_PAGE = 'tutorials/python_notebook.md'
 """Place of the notebook's page in the site: `tutorials/python` is the page with the same text."""
 
-FRONT = {ROOT / 'README.md': 'readme.md', ROOT / 'CONTRIBUTING.md': 'contributing.md', ROOT / 'CHANGELOG.rst': 'changelog.rst'}
+FRONT = {
+    ROOT / 'README.md': 'readme.md',
+    ROOT / 'CONTRIBUTING.md': 'contributing.md',
+    ROOT / 'CHANGELOG.rst': 'changelog.rst',
+}
 """Pages outside of docs, with their places in the site."""
 
 SETTINGS = 'conf.py', '_static', '_templates'
@@ -45,7 +49,7 @@ GROUPS = (
 )
 """The navigation in order. The last group also contains the pages of docs that no group names."""
 
-TITLES = {NOTEBOOK_PAGE: 'Identification in Python: notebook'}
+TITLES = {FRONT[ROOT / 'README.md']: 'Overview', NOTEBOOK_PAGE: 'Python, as an executed notebook'}
 """Titles in the navigation of pages that have the title of another page."""
 
 
@@ -130,8 +134,15 @@ def _is_in(place: str, group: Group) -> bool:
 
 
 def _tree(caption: str, pages: Iterable[str]) -> str:
-    lines = [place.rsplit('.', 1)[0] for place in pages]
-    lines = [f'{TITLES[f"{line}.md"]} <{line}>' if f'{line}.md' in TITLES else line for line in lines]
+    names = {page: page.rsplit('.', 1)[0] for page in pages}
+    lines = [f'{_title(page)} <{name}>' if _title(page) else name for page, name in names.items()]
     if not lines:
         return ''
-    return '\n'.join(['', '```{toctree}', ':hidden:', *([f':caption: {caption}'] if caption else []), '', *lines, '```', ''])
+    options = [':hidden:', *([f':caption: {caption}'] if caption else [])]
+    return '\n'.join(['', '```{toctree}', *options, '', *lines, '```', ''])
+
+
+def _title(page: str) -> str:
+    """Return the title of a page in the navigation, if the title differs from the heading of the page."""
+    package = Path(page).stem.removeprefix(f'{api.PACKAGE}.')
+    return package if page.startswith(f'{api.FOLDER}/') else TITLES.get(page, '')
