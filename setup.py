@@ -77,6 +77,17 @@ setup(
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
         'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
+        # For make site. KaTeX is in sphinxcontrib-katex, the font of its equations in ziamath; quickjs-ng runs KaTeX.
+        'docs': [
+            'furo',
+            'mermaidx',
+            'myst-parser',
+            'numpydoc',
+            'quickjs-ng',
+            'sphinx>=9,<10',
+            'sphinxcontrib-katex',
+            'ziamath',
+        ],
         'sbom': ['cyclonedx-bom'],
     },
     zip_safe=False,

@@ -232,7 +232,7 @@ def test_what_ci_installs_is_locked_and_its_licences_are_listed():
     assert 'Python 3.11 on Linux' in heading
     parts = [re.fullmatch(r'([\w.-]+)==([\w.]+) --hash=sha256:[0-9a-f]{64}', line) for line in lines]
     locked = {canonicalize_name(part[1]): part[2] for part in parts}  # whatever else stands in a line has no part
-    for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon'):
+    for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon', 'docs'):
         for wanted in map(Requirement, SETUP['install_requires'] + SETUP['extras_require'][extra]):
             assert locked[canonicalize_name(wanted.name)] in wanted.specifier, f'{wanted}: make lock'
     page = (ROOT / 'docs' / 'reference' / 'licences.md').read_text(encoding='utf-8')

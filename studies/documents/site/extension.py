@@ -70,6 +70,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect('doctree-read', _draw_diagrams)
     app.connect('doctree-resolved', _resolve_source_links)
     app.connect('autodoc-process-docstring', _refer_to_equations)
+    app.connect('autodoc-process-signature', _name_aliases)
     app.connect('autodoc-skip-member', _skip_member)
     app.connect('missing-reference', _resolve_definition)
     app.connect('build-finished', _write_source_pages)
@@ -191,6 +192,15 @@ def _refer_to_equations(app: Sphinx, what: str, name: str, value: object, option
     """Link the equations that a docstring names to the page of the model."""
     numbers = equation_numbers(Path(app.srcdir, MODEL).read_text(encoding='utf-8'))
     lines[:] = with_equation_references('\n'.join(lines), numbers).split('\n')
+
+
+def _name_aliases(
+    app: Sphinx, what: str, name: str, value: object, options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Return a signature with the names of aliases; autodoc does not resolve an alias within another type."""
+    alias = re.compile(r"TypeAliasForwardRef\('[\w.]*?(\w+)'\)")
+    signature, returned = (None if text is None else alias.sub(r'\1', text) for text in (signature, returned))
+    return signature, returned
 
 
 def _skip_member(app: Sphinx, what: str, name: str, value: object, skip: bool, options: object) -> bool | None:
