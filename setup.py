@@ -65,6 +65,7 @@ setup(
             'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',
             'ipykernel',
+            'markdown-it-py',
             'matplotlib>=3.5',
             'nbclient',
             'pytest',
@@ -75,7 +76,7 @@ setup(
         # ruamel.yaml.clib: rosbags reads metadata.yaml ten times as fast.
         'fuzz': ['ruamel.yaml.clib'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
-        'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
+        'lint': ['flake8', 'markdown-it-py', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
         # For make site. KaTeX is in sphinxcontrib-katex, the font of its equations in ziamath; quickjs-ng runs KaTeX.
         'docs': [
