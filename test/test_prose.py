@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip('markdown_it', reason='markdown-it-py, which reads the pages, is not installed')
+
 from studies.tools.prose import PLACES, ROOT, findings_in, findings_in_pages, main, readability
 from studies.tools.prose_pages import Block, blocks, is_generated, length_faults, pages, prose_of, score, size_faults
 from studies.tools.prose_rules import GENERATED, PAGE_EXEMPTIONS

@@ -87,8 +87,8 @@ def stage(folder: Path, examples: Iterable[gallery.Example] = gallery.EXAMPLES) 
 def content() -> Iterator[Path]:
     """Yield the files of docs that are content."""
     for path in sorted(DOCS.rglob('*')):
-        inner = path.relative_to(DOCS).parts[0]
-        if path.is_file() and inner not in SETTINGS and path != NOTEBOOK:
+        first = path.relative_to(DOCS).parts[0]
+        if path.is_file() and first not in SETTINGS and path != NOTEBOOK:
             yield path
 
 
@@ -120,17 +120,13 @@ def navigation(index: str, places: Iterable[str]) -> str:
     pages.sort(key=lambda place: linked.index(place) if place in linked else len(linked))
     trees = [_tree('', [FRONT[ROOT / 'README.md']])]
     for group in GROUPS:
-        rest = [] if group is not GROUPS[-1] else [place for place in pages if not any(map(place.startswith, _NAMED))]
-        inside = [place for place in pages if _is_in(place, group)]
-        trees.append(_tree(group.caption, [*inside, *rest]))
+        trees.append(_tree(group.caption, [place for place in pages if _group_of(place) is group]))
     return '\n'.join(filter(None, trees))
 
 
-_NAMED = tuple(place for group in GROUPS for place in group.places)
-
-
-def _is_in(place: str, group: Group) -> bool:
-    return place.split('/')[0] in group.places or place.rsplit('.', 1)[0] in group.places
+def _group_of(place: str) -> Group:
+    names = place.split('/')[0], place.rsplit('.', 1)[0]
+    return next((group for group in GROUPS if set(names) & set(group.places)), GROUPS[-1])
 
 
 def _tree(caption: str, pages: Iterable[str]) -> str:
