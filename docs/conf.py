@@ -51,4 +51,5 @@ html_static_path = ['_static']
 html_css_files = ['site.css']
 html_show_sourcelink = False
 html_copy_source = False
+html_show_search_summary = False  # a browser does not let the page of a file read other files
 html_math_renderer = 'mathml'
