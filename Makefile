@@ -119,10 +119,10 @@ kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a
 	$(PY) -m cfd_pneumatic.generator
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
 
-prose: $(VENV)/.ready  ## check names and texts against the style guide: studies/tools/prose_rules.py
+prose: $(VENV)/.ready  ## check names, texts and pages against the style guide, and print how readable each page is
 	$(PY) -m studies.tools.prose
 
-lint: $(VENV)/.with-lint  ## check style, types, names and texts
+lint: $(VENV)/.with-lint  ## check style, types, names, texts and pages
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy

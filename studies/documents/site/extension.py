@@ -59,6 +59,9 @@ SOURCE_PAGE = """<!DOCTYPE html>
 </html>
 """
 
+_FUNCTION = r'<mi>\w{2,}</mi><mo>\u2061</mo>'
+_THIN_SPACE = '<mspace width="0.17em"></mspace>'
+
 _used_sources: set[str] = set()
 
 
@@ -109,8 +112,9 @@ def mathml(latex: str, *, block: bool = False) -> str:
     text = json.loads(_katex()(latex, block))
     # Chromium sets the font's accents into the letters; a mark that is no accent keeps its distance.
     text = text.replace('accent="true"', 'accent="false"')
-    # A thin space separates a function from an argument without brackets, as in TeX.
-    return re.sub(r'(<mi>\w{2,}</mi>)<mo>\u2061</mo>(?!<mo [^>]*>\()', r'\1<mspace width="0.17em"></mspace>', text)
+    # A thin space separates a function from a factor and from an argument without brackets, as in TeX.
+    text = re.sub(rf'(</m(?:i|n|row)>)(?={_FUNCTION})', rf'\1{_THIN_SPACE}', text)
+    return re.sub(rf'({_FUNCTION})(?!<mo [^>]*>\()', rf'\1{_THIN_SPACE}', text)
 
 
 def _visit_math(translator: Any, node: nodes.Element) -> None:
@@ -192,8 +196,13 @@ def _coloured(file: str) -> str:
 
 def _refer_to_equations(app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
     """Link the equations that a docstring names to the page of the model."""
-    numbers = equation_numbers(Path(app.srcdir, MODEL).read_text(encoding='utf-8'))
+    numbers = _equations_on(Path(app.srcdir, MODEL))
     lines[:] = with_equation_references('\n'.join(lines), numbers).split('\n')
+
+
+@cache
+def _equations_on(page: Path) -> list[int]:
+    return equation_numbers(page.read_text(encoding='utf-8'))
 
 
 def _name_aliases(
