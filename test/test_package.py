@@ -99,7 +99,7 @@ def test_setup_reads_the_version_from_package_xml():
 def test_version_and_citation_agree_with_package_xml():
     citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
     assert cfd_pneumatic.__version__ == citation['version'] == xml_text('version')
-    release = re.search(rf'^{re.escape(citation["version"])} \((.*)\)$', CHANGES, re.MULTILINE)
+    release = re.search(rf'^{re.escape(citation["version"])} \((\d{{4}}-\d\d-\d\d)\)$', CHANGES, re.MULTILINE)
     assert release is None or release[1] == citation['date-released'].isoformat()
 
 
