@@ -122,6 +122,16 @@ def test_wordings_and_long_sentences_of_a_page_are_found_in_their_lines(tmp_path
 
 
 @pytest.mark.parametrize(
+    ('text', 'is_found'),
+    [('## Where a change goes', False), ('| where |\n| - |\n| 1 |', False), ('Where a valve opens, air flows.', True)],
+)
+def test_where_may_begin_a_heading_but_no_sentence(tmp_path, text, is_found):
+    path = tmp_path / 'page.md'
+    path.write_text(f'{text}\n')
+    assert bool(list(findings_in(path))) is is_found
+
+
+@pytest.mark.parametrize(
     ('text', 'kind'), [(f'- {"word. " * 81}', 'bullet'), (f'| a |\n| - |\n| {"word. " * 26} |', 'cell')]
 )
 def test_long_bullets_and_cells_are_found(text, kind):

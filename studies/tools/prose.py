@@ -25,13 +25,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 from studies.tools.prose_pages import Block, length_faults, pages, prose_of, score, size_faults
-from studies.tools.prose_rules import EXEMPTIONS, LONGEST_SENTENCE, NAMES, PUBLIC_NAMES, RULES
+from studies.tools.prose_rules import EXEMPTIONS, HEAD_EXEMPTIONS, LONGEST_SENTENCE, NAMES, PUBLIC_NAMES, RULES
 
 ROOT = Path(__file__).parents[2]
 PLACES = ('cfd_pneumatic', 'studies', 'launch')
 LEFT_OUT = ('composed.py', 'prose_rules.py')
 _RULES = [(re.compile(rule.pattern, re.IGNORECASE), rule.instead) for rule in RULES]
-_EXEMPT = [re.compile(exemption.pattern, re.IGNORECASE) for exemption in EXEMPTIONS]
+_EXEMPT, _EXEMPT_HEAD = (
+    [re.compile(exemption.pattern, re.IGNORECASE) for exemption in exemptions]
+    for exemptions in (EXEMPTIONS, HEAD_EXEMPTIONS)
+)
 _SENTENCE_END = re.compile(r'(?<=[.!?:;])\s+|\n\s*\n|\n\s*[-*|]|\n\s*-{3,}')
 _QUOTED = re.compile(r'`[^`]*`|\{[^{}]*\}|<[^<>]*>')
 _MESSAGE = re.compile(r'[A-Za-z]{2,}[ ,:;].*[A-Za-z]{2,} [A-Za-z]')
@@ -92,7 +95,8 @@ def _name(path: Path) -> str:
 
 def _findings_in_page(path: Path, texts: Sequence[Block]) -> Iterator[Finding]:
     for block in texts:
-        for line, message in _faults(Text(block.line, block.content)):
+        exempt = _EXEMPT_HEAD if block.kind in {'heading', 'cell'} else []
+        for line, message in _faults(Text(block.line, _blanked(block.content, exempt))):
             yield Finding(path, line, message)
     for line, message in length_faults(texts):
         yield Finding(path, line, message)
@@ -113,9 +117,7 @@ def readability(root: Path) -> Iterator[str]:
 
 
 def _faults(text: Text) -> Iterator[tuple[int, str]]:
-    content = _QUOTED.sub(lambda found: ' ' * len(found[0]), text.content)
-    for exempt in _EXEMPT:
-        content = exempt.sub(lambda found: ' ' * len(found[0]), content)
+    content = _blanked(text.content, [_QUOTED, *_EXEMPT])
     for pattern, instead in _RULES:
         for found in pattern.finditer(content):
             line = text.line + content.count('\n', 0, found.start())
@@ -128,6 +130,13 @@ def _faults(text: Text) -> Iterator[tuple[int, str]]:
                 text.line,
                 f'a sentence of {length}, at most {LONGEST_SENTENCE}: {" ".join(sentence.split())[:40]} ...',
             )
+
+
+def _blanked(content: str, patterns: Sequence[re.Pattern[str]]) -> str:
+    """Return a text with blanks in place of what the patterns match."""
+    for pattern in patterns:
+        content = pattern.sub(lambda found: ' ' * len(found[0]), content)
+    return content
 
 
 def _docstrings_and_messages(tree: ast.Module) -> Iterator[Text]:

@@ -118,6 +118,9 @@ EXEMPTIONS = (
     Exemption(r'(?:number|total) of words|\[words\]|words, (?:at most|mean length)', 'a size of a text'),
 )
 
+HEAD_EXEMPTIONS = (Exemption(r'^Where\b', 'a heading, or the head of a column, is no sentence'),)
+"""Exemptions of headings and cells of pages."""
+
 NAMES = ('one', 'own', 'other', 'others', 'told', 'untold', 'left')
 """Names that say nothing of what they hold."""
 
