@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import re
 import tempfile
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,6 @@ from typing import Any, NamedTuple
 
 from cfd_pneumatic.identification import readable_name, sentence, title, verdict
 from cfd_pneumatic.model import EFFECTS
-from studies.documents.markdown import table
 from studies.documents.site.links import SCHEME
 from studies.documents.tutorial import programs, run
 from studies.tools.provenance import ROOT
@@ -34,32 +32,58 @@ A plot leads to the equations, parameters and code of its effect.
 
 REPORTS_PAGE = """# Gallery of reports
 
-The build of this site makes each recording on the virtual rig. Then the build runs `identify_bag --close-loop` on the
-recording. A link opens the complete report page.
+The build of this site runs the commands of each example. The virtual rig makes the recordings.
 
 {reports}
 """
 
+REPORT = """## {example.subject}
+
+[Open the report]({link}). {verdicts}.
+
+```sh
+{commands}
+```
+"""
+
 
 class Example(NamedTuple):
-    """A recording of the virtual rig: name of the report, what the rig simulates, command."""
+    """
+    A recording of the virtual rig.
+
+    Attributes
+    ----------
+    name
+        Name of the recording and of the report.
+    subject
+        The simulated device, as a heading.
+    rig
+        Arguments of `record_rig`, without the output.
+
+    """
 
     name: str
     subject: str
-    command: str
+    rig: str
+
+    @property
+    def commands(self) -> str:
+        """The commands that write the report."""
+        identify = f'identify_bag {self.name} --close-loop --output {self.name}_report'
+        return f'record_rig {self.rig} --output {self.name}\n{identify}'
 
 
 EXAMPLES = (
-    Example('healthy', 'A healthy device', 'record_rig out_and_back --device paper --output bag'),
+    Example('healthy', 'A healthy device', 'out_and_back --device paper'),
     Example(
         'dead_band',
-        'Regulator A does not react to errors below 300 Pa',
-        'record_rig surface_following --device paper --faults effects_a.dead_band=300 --duration 20 --output bag',
+        'A dead band of regulator A',
+        'surface_following --device paper --faults effects_a.dead_band=300 --duration 20',
     ),
     Example(
         'mains_hum',
-        'The pressure sensor of cylinder A picks up mains hum, which no known effect explains',
-        'record_rig surface_following --device paper --faults effects_a.hum=150 --duration 20 --output bag',
+        'Mains hum, which no known effect explains',
+        'surface_following --device paper --faults effects_a.hum=150 --duration 20',
     ),
 )
 
@@ -83,20 +107,18 @@ def write_reports(folder: Path, examples: Iterable[Example] = EXAMPLES) -> str:
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as executor:
         environment = programs(Path(name, 'bin'))
-        rows = executor.map(lambda example: _report(example, Path(name), folder, environment), examples)
-        reports = table(('recording', 'command', 'verdict', 'report'), rows)
+        reports = '\n'.join(executor.map(lambda example: _report(example, Path(name), folder, environment), examples))
     return REPORTS_PAGE.format(reports=reports)
 
 
-def _report(example: Example, folder: Path, pages: Path, environment: dict[str, str]) -> tuple[str, ...]:
-    """Record and identify an example, keep its report page, and return its row of the table."""
-    place = folder / example.name
-    place.mkdir()
-    run(f'{example.command}\nidentify_bag bag --close-loop --output found', place, environment)
-    (place / 'found' / 'report.html').rename(pages / f'{example.name}.html')
-    data = json.loads((place / 'found' / 'report.json').read_text(encoding='utf-8'))
-    link = f'[open the report]({SCHEME}:{REPORTS}/{example.name}.html)'
-    return example.subject, f'`{re.sub(" --output bag$", "", example.command)}`', verdicts(data['cylinders']), link
+def _report(example: Example, folder: Path, pages: Path, environment: dict[str, str]) -> str:
+    """Record and identify an example, keep its report page, and return its section of the gallery."""
+    run(example.commands, folder, environment)
+    written = folder / f'{example.name}_report'
+    (written / 'report.html').rename(pages / f'{example.name}.html')
+    data = json.loads((written / 'report.json').read_text(encoding='utf-8'))
+    link = f'{SCHEME}:{REPORTS}/{example.name}.html'
+    return REPORT.format(example=example, link=link, verdicts=verdicts(data['cylinders']), commands=example.commands)
 
 
 def verdicts(cylinders: Mapping[str, Mapping[str, Any]]) -> str:

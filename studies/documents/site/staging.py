@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,6 +66,24 @@ def stage(folder: Path, examples: Iterable[gallery.Example] = gallery.EXAMPLES) 
         Recordings of the gallery of reports; none for a site without this gallery.
 
     """
+    with ThreadPoolExecutor(1) as executor:
+        # The programs record and identify while this process imports the library.
+        extra = folder / '_extra' / gallery.REPORTS
+        examples = tuple(examples)
+        reports = executor.submit(gallery.write_reports, extra, examples) if examples else None
+        order = [*_write_content(folder), *_write_interface(folder)]
+        galleries = {'effects': gallery.effects_page()} | ({'reports': reports.result()} if reports else {})
+    (folder / 'gallery').mkdir()
+    for name, text in galleries.items():
+        order.append(f'gallery/{name}.md')
+        (folder / order[-1]).write_text(text, encoding='utf-8')
+    index = folder / 'index.md'
+    text = index.read_text(encoding='utf-8')
+    index.write_text(text + navigation(text, [place for place in order if place != 'index.md']), encoding='utf-8')
+
+
+def _write_content(folder: Path) -> list[str]:
+    """Write the pages and pictures of the repository; return their places."""
     places = {path: str(path.relative_to(DOCS)) for path in content()} | FRONT | {NOTEBOOK: NOTEBOOK_PAGE}
     for path, place in places.items():
         target = folder / place
@@ -77,11 +96,12 @@ def stage(folder: Path, examples: Iterable[gallery.Example] = gallery.EXAMPLES) 
             target.write_text(with_equation_targets(text), encoding='utf-8')
         else:
             shutil.copyfile(path, target)
-    order = [*places.values(), *(f'{api.FOLDER}/{name}.rst' for name in api.write_pages(folder / api.FOLDER))]
-    order += _write_gallery(folder, tuple(examples))
-    index = folder / 'index.md'
-    text = index.read_text(encoding='utf-8')
-    index.write_text(text + navigation(text, [place for place in order if place != 'index.md']), encoding='utf-8')
+    return list(places.values())
+
+
+def _write_interface(folder: Path) -> list[str]:
+    """Write the pages of the Python interface; return their places."""
+    return [f'{api.FOLDER}/{name}.rst' for name in api.write_pages(folder / api.FOLDER)]
 
 
 def content() -> Iterator[Path]:
@@ -90,17 +110,6 @@ def content() -> Iterator[Path]:
         first = path.relative_to(DOCS).parts[0]
         if path.is_file() and first not in SETTINGS and path != NOTEBOOK:
             yield path
-
-
-def _write_gallery(folder: Path, examples: tuple[gallery.Example, ...]) -> Iterator[str]:
-    """Write the pages of the gallery, and yield their places."""
-    pages = {'effects': gallery.effects_page()}
-    if examples:
-        pages['reports'] = gallery.write_reports(folder / '_extra' / gallery.REPORTS, examples)
-    (folder / 'gallery').mkdir()
-    for name, text in pages.items():
-        (folder / 'gallery' / f'{name}.md').write_text(text, encoding='utf-8')
-        yield f'gallery/{name}.md'
 
 
 def navigation(index: str, places: Iterable[str]) -> str:
