@@ -13,7 +13,7 @@ VENV ?= .venv
 HUMBLE ?= .venv-humble
 PY := $(VENV)/bin/python
 LOCK := requirements/ci.txt
-LOCKED := jazzy,plant,test,lint,colcon
+LOCKED := jazzy,plant,test,lint,colcon,docs
 PACKAGING := setup.py setup.cfg pyproject.toml package.xml resource $(wildcard config launch config/* launch/*)
 
 ifeq ($(CI),true)
@@ -36,7 +36,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture example-pages notebook kernel prose lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -112,6 +112,9 @@ example-pages: $(VENV)/.ready  ## write a page of each kind, with screenshots, t
 notebook: $(VENV)/.ready  ## write docs/tutorials/python.ipynb of docs/tutorials/python.md, executed
 	$(PY) -m studies.documents.notebook
 
+site: $(VENV)/.ready $(VENV)/.with-docs  ## build the documentation site in build/site, for use without network; 1 minute
+	$(PY) -m studies.documents.site
+
 layouts: $(VENV)/.ready  ## write the layouts for PlotJuggler and Foxglove in config/; after a change of topics
 	$(PY) -m studies.documents.layouts
 
@@ -119,10 +122,10 @@ kernel: $(VENV)/.with-lint  ## put the effects together into one kernel; after a
 	$(PY) -m cfd_pneumatic.generator
 	$(PY) -m ruff format --quiet cfd_pneumatic/model/composed.py
 
-prose: $(VENV)/.ready  ## check names and texts against the style guide: studies/tools/prose_rules.py
+prose: $(VENV)/.ready  ## check names, texts and pages against the style guide, and print how readable each page is
 	$(PY) -m studies.tools.prose
 
-lint: $(VENV)/.with-lint  ## check style, types, names and texts
+lint: $(VENV)/.with-lint  ## check style, types, names, texts and pages
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 PACKAGE = 'cfd_pneumatic'
+DESCRIPTION = ElementTree.parse(Path(__file__).resolve().with_name('package.xml'))
 
 setup(
     name=PACKAGE,
-    version='0.2.0',
+    version=DESCRIPTION.findtext('version'),
     description='Simulates a pneumatic constant-force device in ROS 2 and identifies it from recordings.',
     author='cfd_pneumatic maintainers',
     maintainer='cfd_pneumatic maintainers',
@@ -68,6 +71,7 @@ setup(
             'cyclonedds',  # a participant that is no node of ROS 2
             'hypothesis',
             'ipykernel',
+            'markdown-it-py',
             'matplotlib>=3.5',
             'nbclient',
             'pytest',
@@ -78,8 +82,19 @@ setup(
         # ruamel.yaml.clib: rosbags reads metadata.yaml ten times as fast.
         'fuzz': ['ruamel.yaml.clib'],
         # Of ament's linters PyPI lacks copyright; xmllint wants the web, and pep257 takes attributes for sections.
-        'lint': ['flake8', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
+        'lint': ['flake8', 'markdown-it-py', 'mypy', 'ros-jazzy-ament-flake8', 'ruff', 'types-PyYAML'],
         'colcon': ['colcon-common-extensions'],
+        # For make site. KaTeX is in sphinxcontrib-katex, the font of its equations in ziamath; quickjs-ng runs KaTeX.
+        'docs': [
+            'furo',
+            'mermaidx',
+            'myst-parser',
+            'numpydoc',
+            'quickjs-ng',
+            'sphinx>=9,<10',
+            'sphinxcontrib-katex',
+            'ziamath',
+        ],
         'sbom': ['cyclonedx-bom'],
     },
     zip_safe=False,

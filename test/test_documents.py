@@ -84,6 +84,17 @@ def test_files_that_are_named_are_there(document):
     assert lost == set()
 
 
+def test_every_picture_is_shown_by_a_page():
+    shown = {
+        (document.parent / target).resolve()
+        for document in DOCUMENTS
+        for _, target in LINK.findall(text_of(document))
+        if target.endswith(('.png', '.svg'))
+    }
+    pictures = {path for suffix in ('png', 'svg') for path in (ROOT / 'docs').rglob(f'*.{suffix}')}
+    assert pictures - shown == set()
+
+
 def test_a_reference_to_nothing_is_found(tmp_path):
     (tmp_path / 'module.py').write_text('class Known:\n    field: int = 0\n')
     page = tmp_path / 'page.md'

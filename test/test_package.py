@@ -50,6 +50,7 @@ USERS = {'plant': 'plant', 'plot': 'reporting'}
 
 SETUP = setup_arguments()
 XML = ElementTree.parse(ROOT / 'package.xml').getroot()
+CHANGES = (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8')
 PROGRAMS = dict(re.split(r' = ', line) for line in SETUP['entry_points']['console_scripts'])
 
 
@@ -89,10 +90,21 @@ def test_every_source_file_names_its_licence():
     assert without == [], f'add this line at the top: {LICENCE}'
 
 
-def test_versions_agree():
-    assert cfd_pneumatic.__version__ == SETUP['version'] == xml_text('version')
-    assert yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))['version'] == cfd_pneumatic.__version__
-    headings = re.findall(r'^(.+)\n-+$', (ROOT / 'CHANGELOG.rst').read_text(encoding='utf-8'), re.MULTILINE)
+def test_setup_reads_the_version_from_package_xml():
+    command = [sys.executable, 'setup.py', '--version']
+    ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert ran.stdout.split()[-1] == xml_text('version')
+
+
+def test_version_and_citation_agree_with_package_xml():
+    citation = yaml.safe_load((ROOT / 'CITATION.cff').read_text(encoding='utf-8'))
+    assert cfd_pneumatic.__version__ == citation['version'] == xml_text('version')
+    release = re.search(rf'^{re.escape(citation["version"])} \((\d{{4}}-\d\d-\d\d)\)$', CHANGES, re.MULTILINE)
+    assert release is None or release[1] == citation['date-released'].isoformat()
+
+
+def test_the_changelog_begins_with_the_current_version():
+    headings = re.findall(r'^(.+)\n-+$', CHANGES, re.MULTILINE)
     if headings[0] == 'Forthcoming':
         headings = headings[1:]
     assert headings == [] or headings[0].split()[0] == cfd_pneumatic.__version__
@@ -220,7 +232,7 @@ def test_what_ci_installs_is_locked_and_its_licences_are_listed():
     assert 'Python 3.11 on Linux' in heading
     parts = [re.fullmatch(r'([\w.-]+)==([\w.]+) --hash=sha256:[0-9a-f]{64}', line) for line in lines]
     locked = {canonicalize_name(part[1]): part[2] for part in parts}  # whatever else stands in a line has no part
-    for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon'):
+    for extra in ('jazzy', 'plant', 'test', 'lint', 'colcon', 'docs'):
         for wanted in map(Requirement, SETUP['install_requires'] + SETUP['extras_require'][extra]):
             assert locked[canonicalize_name(wanted.name)] in wanted.specifier, f'{wanted}: make lock'
     page = (ROOT / 'docs' / 'reference' / 'licences.md').read_text(encoding='utf-8')

@@ -40,8 +40,58 @@ class Exemption(NamedTuple):
     reason: str
 
 
+class PageExemption(NamedTuple):
+    """
+    Parts of pages that a command writes from texts of programs.
+
+    Attributes
+    ----------
+    page
+        Pattern of the page's path.
+    kinds
+        Kinds of texts: `paragraph`, `heading`, `bullet`, `cell`.
+    reason
+        Why the check of pages does not cover the texts.
+
+    """
+
+    page: str
+    kinds: tuple[str, ...]
+    reason: str
+
+
 LONGEST_SENTENCE = 30
 """Words of a sentence."""
+
+LONGEST_BULLET = 80
+"""Words of an entry of a list."""
+
+LONGEST_CELL = 25
+"""Words of a cell of a table."""
+
+MOST_WORDS_OF_README = 1200
+"""Words of README.md."""
+
+MOST_WORDS_BY_HAND = 20_000
+"""Words of all pages that no command writes."""
+
+MOST_WORDS_OF_NOTES = 5000
+"""Words of all notes in pages that commands write."""
+
+GENERATED = (
+    'docs/measurements/*.md',
+    'docs/reference/effects.md',
+    'docs/reference/interface.md',
+    'docs/reference/licences.md',
+    'docs/reference/mapping.md',
+)
+"""Patterns of the pages that commands write."""
+
+PAGE_EXEMPTIONS = (
+    PageExemption('docs/reference/licences.md', ('cell',), 'names of licences and packages'),
+    PageExemption('docs/measurements/mistakes.md', ('cell',), 'messages of programs, checked in the source'),
+    PageExemption('docs/measurements/measured_runs.md', ('cell',), 'messages of programs, checked in the source'),
+)
 
 RULES = (
     Rule(r'\b(?:un)?told\b|\btells?\b|\btelling\b|\bforet(?:old|ell\w*)\b', 'estimated, determines, predicts'),
@@ -62,7 +112,14 @@ RULES = (
     Rule(r"\bcan't\b|\bdon't\b|\bdoesn't\b|\bisn't\b|\bwon't\b|\baren't\b|\bwasn't\b", 'the long form'),
 )
 
-EXEMPTIONS = (Exemption(r'gas laws?', 'the physical law'), Exemption(r'standing wave', 'the physical term'))
+EXEMPTIONS = (
+    Exemption(r'gas laws?', 'the physical law'),
+    Exemption(r'standing wave', 'the physical term'),
+    Exemption(r'(?:number|total) of words|\[words\]|words, (?:at most|mean length)', 'a size of a text'),
+)
+
+HEAD_EXEMPTIONS = (Exemption(r'^Where\b', 'a heading, or the head of a column, is no sentence'),)
+"""Exemptions of headings and cells of pages."""
 
 NAMES = ('one', 'own', 'other', 'others', 'told', 'untold', 'left')
 """Names that say nothing of what they hold."""
