@@ -24,7 +24,7 @@ endif
 SETUPTOOLS := 'setuptools>=70.1,<80'
 
 # Tests of the core, and those that hold documents and layers to the code.
-QUICK := $(addprefix test/, device model test_layers.py test_package.py test_documents.py test_svg.py \
+QUICK := $(addprefix test/, device model test_layers.py test_package.py test_documents.py charts \
 	commands/test_help.py recording/test_mapping.py recording/test_roles.py recording/test_writer.py \
 	identification/test_levenberg.py identification/test_loop.py identification/test_motion.py)
 
