@@ -36,7 +36,7 @@ def test_the_effect_that_nobody_declared_is_named_with_its_size(tutorial):
     assert wording == promised_wording
     assert float(left) == pytest.approx(float(promised), abs=2.0)
     found = [float(one) for one in re.search(r'band │ ([\d.]+) │ ([\d.]+) to ([\d.]+) │ Pa', said).groups()]
-    size = [float(one) for one in re.search(r'its size, ([\d.]+) Pa \(([\d.]+) to ([\d.]+)\)', TEXT).groups()]
+    size = [float(one) for one in re.search(r'its size is ([\d.]+) Pa \(([\d.]+) to ([\d.]+)\)', TEXT).groups()]
     assert found == pytest.approx(size, abs=1.0)
     assert size[1] < 300.0 < size[2]
     assert 'cylinder_b: Nothing missing.' in said
