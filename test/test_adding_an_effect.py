@@ -25,6 +25,7 @@ def copy(tmp_path_factory):
     folder = tmp_path_factory.mktemp('copy')
     for name in ('cfd_pneumatic', 'studies', 'test'):
         shutil.copytree(ROOT / name, folder / name)
+    shutil.copy(ROOT / 'pyproject.toml', folder)  # the markers of tests and their time limit
     (folder / re.search(r'`(cfd_pneumatic/\S+\.py)`:\n', TEXT)[1]).write_text(FILE)
     known = folder / 'test' / 'identification' / 'test_extension.py'
     known.write_text(known.read_text().replace('KNOWN = [\n', f'KNOWN = [\n{KNOWN}'))

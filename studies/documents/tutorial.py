@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Run the tutorial's commands and take the tutorial's picture: make tutorial-picture.
+Run the tutorials' commands and take the picture of the first report: make tutorial-picture.
 
-Blocks of ``sh`` in `docs/tutorials/first_report.md` run in order in a common folder. Each block of ``bash`` is a
-program that runs on in a separate terminal. Blocks of ``console`` need ROS 2's command line.
+Blocks of ``sh`` in `PAGES` run in order in a common folder. Each block of ``bash`` is a program that runs on in a
+separate terminal. Blocks of ``console`` need ROS 2's command line.
 """
 
 from __future__ import annotations
@@ -21,10 +21,14 @@ from studies.documents import package_facts
 from studies.tools.chromium import Chromium
 from studies.tools.provenance import ROOT
 
-PAGE = ROOT / 'docs' / 'tutorials' / 'first_report.md'
+PAGES = FIRST_REPORT, OWN_DATA, MONITOR = tuple(
+    ROOT / 'docs' / 'tutorials' / f'{name}.md' for name in ('first_report', 'own_data', 'monitor')
+)
+"""The tutorials, in the order in which a user reads them."""
+
 PICTURE = ROOT / 'docs' / 'tutorials' / 'report.png'
-REPORT = 'What the model lacks'
-"""Heading of the section that writes the report."""
+REPORT = 'The report'
+"""Heading of the section of `FIRST_REPORT` that writes the report."""
 
 _SIZE = 1100, 1000  # size of the picture [CSS px]
 _FENCE = re.compile(r'^(?:## (?P<heading>[^\n]+)|```(?P<language>\w+)\n(?P<text>.*?)^```)$', re.MULTILINE | re.DOTALL)
@@ -38,14 +42,15 @@ class Block(NamedTuple):
     text: str
 
 
-def blocks(page: Path = PAGE) -> Iterator[Block]:
-    """Yield the fenced blocks of a page in order."""
-    heading = ''
-    for match in _FENCE.finditer(page.read_text(encoding='utf-8')):
-        if match['heading']:
-            heading = match['heading']
-        else:
-            yield Block(heading, match['language'], match['text'])
+def blocks(*pages: Path) -> Iterator[Block]:
+    """Yield the fenced blocks of pages in order; without pages those of all tutorials."""
+    for page in pages or PAGES:
+        heading = ''
+        for match in _FENCE.finditer(page.read_text(encoding='utf-8')):
+            if match['heading']:
+                heading = match['heading']
+            else:
+                yield Block(heading, match['language'], match['text'])
 
 
 def programs(folder: Path, environment: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -74,11 +79,11 @@ def run(text: str, folder: Path, environment: dict[str, str]) -> str:
 
 
 def main() -> int:
-    """Take the picture of the tutorial's report; return the exit code."""
+    """Take the picture of the first report; return the exit code."""
     with tempfile.TemporaryDirectory() as name, Chromium() as browser:
         folder = Path(name)
         environment = programs(folder / 'bin')
-        for block in blocks():
+        for block in blocks(FIRST_REPORT):
             if block.language == 'sh':
                 run(block.text, folder, environment)
             if block.heading == REPORT:
