@@ -335,7 +335,7 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
         if plant.is_open(arguments.scheduler):
             print(
                 f'warning: any computer that reaches {arguments.scheduler} can run programs on its workers. Use tls:// '
-                'and --certificate (README, A plant).',
+                'and --certificate (docs/how_to/many_devices.md).',
                 file=sys.stderr,
             )
     settings = plant.Settings(options, mapping, arguments.namespace)

@@ -27,7 +27,7 @@ from studies.trials.mistakes import MISTAKES, TABLES
 CASES = {
     'found': Case('effects', ('leakage',), 'surface_following', 1000),
     'tie': Case('effects', ('positional_leakage',), 'paper_step', 1001),
-    'hypothesis': Case('effects', ('displacement_delay',), 'surface_following', 1000),
+    'hypothesis': Case('foreign', ('poppet_inertia',), 'paper_step', 1001),
     'unexplained': Case('foreign', ('set_point_jump',), 'surface_following', 1000),
     'curve': Case('law', ('bulge',), 'surface_following', 7000),
     'nothing_missing': Case('clean', ('white',), 'surface_following', 1000),
