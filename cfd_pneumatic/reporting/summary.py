@@ -79,7 +79,7 @@ def _missing(result: ChannelResult) -> str:
         return f'Nothing is missing. The model explains the recording of {part} {_to_noise(result)}.'
     if findings.verdict == 'unexplained':
         known = ' and '.join(map(readable_name, findings.effects))
-        more = f' Part of the error is {known}.' if known else ''
+        more = f' {_capital(known)} can explain a part of the error.' if known else ''
         ratio = number(noise_ratio(result), _DIGITS)
         size = f'Not explained: the model error of {part} is {ratio} times the sensor noise.'
         return ' '.join([f'{size}{more}', *map(sentence, findings.contradictions)])
@@ -149,9 +149,8 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     force = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
     text = f'The model predicts {force} with an error of {after} (RMS).'
     if _named(result):
-        text = (
-            f'The model predicts {force} with an error of {before} (RMS) without {_named(result)}, and {after} with it.'
-        )
+        pronoun = 'them' if ' and ' in _named(result) else 'it'
+        text = f'The model predicts {force} with an error of {before} (RMS) without {_named(result)}, and {after} with {pronoun}.'
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)
