@@ -90,8 +90,8 @@ def make_parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar='SIZE',
-        help='largest acceptable error, e.g. 300Pa, 2N or 1%% of the span: a smaller remaining error does not give the '
-        'verdict `unexplained`; may be repeated for each quantity (default: no error is acceptable)',
+        help='largest acceptable error, e.g. 300Pa, 2N or 1%% of the span; a smaller error is not `unexplained`; may be '
+        'repeated (default: no error is acceptable)',
     )
     parser.add_argument(
         '--draft-effect',
@@ -122,8 +122,8 @@ def make_parser() -> argparse.ArgumentParser:
         '--area',
         type=number,
         metavar='M2',
-        help='area of each piston [m^2]: it is kept if a measured force at a single set-point does not determine it '
-        '(default: the area that gives the measured force)',
+        help='area of each piston [m^2], for recordings that do not determine the area (default: the area that gives the '
+        'measured force)',
     )
     parser.add_argument(
         '--geometric-factor',
@@ -150,9 +150,8 @@ def make_parser() -> argparse.ArgumentParser:
         '--scheduler',
         type=_address,
         metavar='ADDRESS',
-        help='use the Dask cluster of this scheduler, e.g. tls://host:8786, instead of this computer; all workers '
-        '(dask worker ADDRESS --nworkers=-1 --nthreads=1) must have this program, and the same files at the same '
-        'paths',
+        help='scheduler of a Dask cluster, e.g. tls://host:8786 (default: this computer). Its workers need this program, '
+        'and the same files at the same paths',
     )
     plant.add_argument(
         '--certificate',

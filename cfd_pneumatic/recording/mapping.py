@@ -64,9 +64,8 @@ TOPIC_KEYS = {
 """Further keys of a signal in a bag."""
 
 TABLE_KEYS = {
-    'time': '`column` and `unit` of the time; `date` is the unit of 2024-05-01 12:00:00.25 and of 12:00:00.25; '
-    '`thousands` if a character groups its digits, as in 119.141.000; `scale`, and `offset` after it, in its unit. '
-    'Counters of 16 and 32 bits that wrap are continued',
+    'time': '`column` and `unit` of the time (`date` for 2024-05-01 12:00:00.25); optional: `thousands`, `scale`, '
+    '`offset`. Counters of 16 and 32 bits that wrap are continued',
     'sample_period': 'time between rows [s], where no column has the time',
     'delimiter': f'one character, or one of {", ".join(_DELIMITERS)}; white space if not given',
     'decimal': '`comma` where numbers are written 1,5; points if not given',

@@ -24,6 +24,7 @@ from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.notices import WARNING
 
 _DIGITS = 2  # of forces and ratios
+_FOLLOWED = {'time': 'time', 'position': 'the position of the piston', 'piston speed': 'the speed of the piston'}
 _HYPOTHESIS = 'Hypothesis: more than sensor noise remains.'
 _PARTS = {'cylinder_a': 'cylinder A', 'cylinder_b': 'cylinder B', 'force': 'the contact force'}
 
@@ -76,7 +77,7 @@ def _missing(result: ChannelResult) -> str:
     if findings.verdict == 'insufficient_data':
         return sentence(findings.why)
     if findings.verdict == 'no_missing_effect':
-        return f'Nothing is missing. The model explains the recording of {part} {_to_noise(result)}.'
+        return f'No fault found. The model explains the recording of {part} {_to_noise(result)}.'
     if findings.verdict == 'unexplained':
         known = ' and '.join(map(readable_name, findings.effects))
         more = f' {_capital(known)} can explain a part of the error.' if known else ''
@@ -96,7 +97,7 @@ def _cause(result: ChannelResult, effect: str) -> str:
         names = ' or '.join(map(readable_name, (effect, *rivals)))
         return f'{_capital(names)} in {_PARTS[result.name]}. This recording cannot distinguish them.'
     where = f' in {_PARTS[result.name]}' if result.quantity.key == 'pa' else ' of the force'
-    return f'{_capital(readable_name(effect))}{where}: {result.channel.effects[effect].description}.'
+    return f'{_capital(readable_name(effect))}{where}: {result.channel.effects[effect].description.partition(":")[0]}.'
 
 
 def _certainty(result: ChannelResult) -> str:
@@ -121,14 +122,18 @@ def _reduction(result: ChannelResult) -> str:
     """Return by how much the effects reduce the error of the model, as a sentence."""
     small = result.quantity.small
     before, after = (f'{number(result.rmse(which) / small.si)}' for which in (0, 1))
-    change = f'With {_named(result)} in the model, the model error falls from {before} to {after} {small.unit}'
-    findings = result.findings
+    named, findings, ratio = _named(result), result.findings, noise_ratio(result)
+    unit = small.unit
+    text = f'Without {named} in the model, the model error is {before} {unit}; with {_pronoun(named)}, {after} {unit}'
+    text += ', as small as the sensor noise' if ratio <= 1.0 else f', {number(ratio)} times the sensor noise'
     if findings.ratio is not None and findings.ratio_interval is not None:
         low, high = findings.ratio_interval
-        change += f' (to {percent(findings.ratio)}; 95 % interval {100.0 * low:.0f} to {percent(high)})'
-    ratio = noise_ratio(result)
-    remainder = 'sensor noise' if ratio <= 1.0 else f'{number(ratio)} times the sensor noise'
-    return f'{change}, which is {remainder}.'
+        text += f' (ratio {percent(findings.ratio)}, 95 % interval {100.0 * low:.0f} to {percent(high)})'
+    return f'{text}.'
+
+
+def _pronoun(named: str) -> str:
+    return 'them' if ' and ' in named else 'it'
 
 
 def _named(result: ChannelResult) -> str:
@@ -147,20 +152,20 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     scale = 1.0 if is_force else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
     force = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
+    named = _named(result)
     text = f'The model predicts {force} with an error of {after} (RMS).'
-    if _named(result):
-        pronoun = 'them' if ' and ' in _named(result) else 'it'
-        text = f'The model predicts {force} with an error of {before} (RMS) without {_named(result)}, and {after} with {pronoun}.'
+    if named:
+        text = f'The model predicts {force} with an error of {before} (RMS) without {named}, and {after} with {_pronoun(named)}.'
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
     text += (
-        f' In any case the force changes with the speed of the piston: by −{growing} per mm/s while the chamber grows, '
-        f'by +{shrinking} per mm/s while the chamber shrinks.'
+        f' In addition, the force of the cylinder follows the speed of the piston: at 1 mm/s it is {growing} too low '
+        f'while the chamber grows, and {shrinking} too high while the chamber shrinks.'
     )
     if geometry.area is None:
-        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm²; give your area with --area.'
+        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Run identify_bag with --area to give yours.'
     return text
 
 
@@ -189,8 +194,11 @@ def _next_steps(result: ChannelResult) -> Iterator[str]:
     if findings.verdict == 'unexplained':
         dependences = residual_dependences(result)[:1] if findings.is_searched else []
         for dependence in dependences:
-            yield f'{_capital(dependence.on)} explains {percent(dependence.share)} of the model error.'
-            yield f'Inspect {dependence.suggestion}.'
+            followed = _FOLLOWED.get(dependence.on, f'the {dependence.on}')
+            yield (
+                f'Look for a cause that follows {followed}, which explains {percent(dependence.share)} of the squared '
+                f'error: inspect {dependence.suggestion}.'
+            )
         if not dependences:
             yield 'No single signal explains the model error. Look at the plots of the residual.'
     elif not findings.effects and findings.unknown is None:

@@ -11,6 +11,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from cfd_pneumatic import Device, Limits, plan
@@ -48,7 +49,7 @@ def write_pages(folder: Path) -> dict[str, Path]:
     for kind, case in CASES.items():
         recording, options = recording_and_options(case)
         pages[kind] = folder / kind / 'report.html'
-        write_report(identify([recording], options), pages[kind].parent, overwrite=True)
+        write_report(identify([replace(recording, name=f'press_{kind}')], options), pages[kind].parent, overwrite=True)
     pages['warnings'] = _page_of_misread_table(folder / 'warnings')
     devices = {seed: device_named('real', 'effects_a.leak_conductance=1e-10' if seed == 8 else '') for seed in (7, 8)}
     recordings = [

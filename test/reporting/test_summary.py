@@ -33,7 +33,7 @@ def changed(**values):
 def test_an_effect_is_named_with_what_to_inspect():
     summary = summary_of(closed())
     assert summary.missing == f'Droop in cylinder A: {EFFECTS["droop"].description}.'
-    assert summary.certainty.startswith('Confirmed. With droop in the model, the model error falls from ')
+    assert summary.certainty.startswith('Confirmed. Without droop in the model, the model error is ')
     assert summary.next == f'Inspect {EFFECTS["droop"].inspect}.'
 
 
@@ -68,14 +68,14 @@ def test_an_unexplained_error_has_a_size_and_the_strongest_hint():
         summary.missing
         == f'Not explained: the model error of cylinder A is {1e3 / result.noise.std:.2g} times the sensor noise.'
     )
-    assert re.search(r'Time explains \d+\u00a0% of the model error', summary.next)
+    assert re.search(r'a cause that follows time, which explains \d+\u00a0% of the squared error', summary.next)
     assert 'the temperature, the air supply' in summary.next
 
 
 def test_nothing_missing_is_worded_as_success():
     found = changed(verdict='no_missing_effect', effects=(), unknown=None)
     summary = summary_of(found)
-    assert summary.missing.startswith('Nothing is missing. The model explains the recording of cylinder A ')
+    assert summary.missing.startswith('No fault found. The model explains the recording of cylinder A ')
     assert summary.next == 'No inspection is needed.'
     ratio = noise_ratio(found.channels['cylinder_a'])
     assert (f'to within {ratio:.2f} times' in summary.missing) == (ratio > 1.0)

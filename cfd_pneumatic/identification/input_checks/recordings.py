@@ -372,19 +372,29 @@ def in_other_units_text(
     declared: str | None,
     names: Sequence[str],
     format_value: Callable[[float], str],
+    subject: str = 'it',
+    recorded: str = 'recorded',
 ) -> str:
-    """Return the value in those other units in which the value is usual, as text in brackets."""
+    """
+    Return the value in those other units in which the value is usual, as text in brackets.
+
+    `subject` is what has the value, `recorded` the part of the condition that names the recorded signal.
+    """
     declared_si = UNITS[declared].si if declared else 1.0
-    factors = {f'if recorded in {name}': UNITS[name].si / declared_si for name in names if name != declared}
-    return _usual_multiples(value, usual, factors, format_value)
+    factors = {f'if {recorded} in {name}': UNITS[name].si / declared_si for name in names if name != declared}
+    return _usual_multiples(value, usual, factors, format_value, subject)
 
 
 def _usual_multiples(
-    value: float, usual: tuple[float, float], factors: Mapping[str, float], format_value: Callable[[float], str]
+    value: float,
+    usual: tuple[float, float],
+    factors: Mapping[str, float],
+    format_value: Callable[[float], str],
+    subject: str = 'it',
 ) -> str:
     """Return the value with those factors that make the value usual, the likeliest first, as text in brackets."""
     low, high = usual
     scaled = {name: value * factor for name, factor in factors.items() if low <= value * factor <= high}
     likely = sorted(scaled, key=lambda name: abs(math.log(scaled[name] / math.sqrt(low * high))))[:MOST_GUESSES]
     alternatives = ' or '.join(f'{format_value(scaled[name])} {name}' for name in likely)
-    return f' (it would be {alternatives})' if alternatives else ''
+    return f' ({subject} would be {alternatives})' if alternatives else ''

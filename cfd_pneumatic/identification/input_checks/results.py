@@ -114,10 +114,18 @@ def _check_chamber(result: ChannelResult, recordings: Sequence[Recording], optio
     if not CHAMBER_LENGTHS[0] <= length <= CHAMBER_LENGTHS[1]:
         yield warning(
             'unit_suspect',
-            f'{result.name}: k_x of {sensitivity:.3g} Pa/m at {1e-3 * pressure:.4g} kPa needs a chamber '
-            f'{format_length(length)} long',
+            f'{result.name}: the data imply a chamber {format_length(length)} long, which no cylinder has (k_x of '
+            f'{sensitivity:.3g} Pa/m at {1e-3 * pressure:.4g} kPa)',
             'check the units of pressure and displacement'
-            + in_other_units_text(length, CHAMBER_LENGTHS, displacement.unit, LENGTHS, format_length)
+            + in_other_units_text(
+                length,
+                CHAMBER_LENGTHS,
+                displacement.unit,
+                LENGTHS,
+                format_length,
+                'the chamber',
+                'the displacement was recorded',
+            )
             + ''.join(
                 f'; {format_length(scale.chamber)} if the pressures are {scale.likely}'
                 for scale in alternative_scales(result, recordings, options.ambient_pressure)
