@@ -90,8 +90,8 @@ def make_parser() -> argparse.ArgumentParser:
         action='append',
         default=[],
         metavar='SIZE',
-        help='largest acceptable error, e.g. 300Pa, 2N or 1%% of the span; a smaller error is not `unexplained`; may be '
-        'repeated (default: no error is acceptable)',
+        help='largest acceptable error, e.g. 300Pa, 2N or 1%% of the span; a smaller error is not `unexplained`; may '
+        'be repeated (default: no error is acceptable)',
     )
     parser.add_argument(
         '--draft-effect',
@@ -122,8 +122,8 @@ def make_parser() -> argparse.ArgumentParser:
         '--area',
         type=number,
         metavar='M2',
-        help='area of each piston [m^2], for recordings that do not determine the area (default: the area that gives the '
-        'measured force)',
+        help='area of each piston [m^2], for recordings that do not determine the area (default: the area that gives '
+        'the measured force)',
     )
     parser.add_argument(
         '--geometric-factor',
@@ -150,8 +150,8 @@ def make_parser() -> argparse.ArgumentParser:
         '--scheduler',
         type=_address,
         metavar='ADDRESS',
-        help='scheduler of a Dask cluster, e.g. tls://host:8786 (default: this computer). Its workers need this program, '
-        'and the same files at the same paths',
+        help='scheduler of a Dask cluster, e.g. tls://host:8786 (default: this computer). Its workers need this '
+        'program, and the same files at the same paths',
     )
     plant.add_argument(
         '--certificate',

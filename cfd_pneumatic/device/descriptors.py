@@ -142,8 +142,8 @@ def _device_descriptors() -> Iterator[Descriptor]:
     yield Descriptor(
         f'{force}.seal_play',
         2e-6,
-        'half of the backlash between displacement and seals: half a bit of the sensor, or three standard deviations of '
-        'its noise',
+        'half of the backlash between displacement and seals: half a bit of the sensor, or three standard deviations '
+        'of its noise',
         'm',
         0.0,
         1e-3,
