@@ -155,7 +155,8 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     named = _named(result)
     text = f'The model predicts {force} with an error of {after} (RMS).'
     if named:
-        text = f'The model predicts {force} with an error of {before} (RMS) without {named}, and {after} with {_pronoun(named)}.'
+        text = f'The model predicts {force} with an error of {before} (RMS) without {named}'
+        text += f', and {after} with {_pronoun(named)}.'
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)
