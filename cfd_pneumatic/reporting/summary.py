@@ -96,7 +96,7 @@ def _cause(result: ChannelResult, effect: str) -> str:
     if rivals:
         names = ' or '.join(map(readable_name, (effect, *rivals)))
         return f'{_capital(names)} in {_PARTS[result.name]}. This recording cannot distinguish them.'
-    where = f' in {_PARTS[result.name]}' if result.quantity.key == 'pa' else ' of the force'
+    where = f' in {_PARTS[result.name]}' if result.quantity.key == 'pa' else ''
     return f'{_capital(readable_name(effect))}{where}: {result.channel.effects[effect].description.partition(":")[0]}.'
 
 
@@ -120,16 +120,10 @@ def _certainty(result: ChannelResult) -> str:
 
 def _reduction(result: ChannelResult) -> str:
     """Return by how much the effects reduce the error of the model, as a sentence."""
-    small = result.quantity.small
-    before, after = (f'{number(result.rmse(which) / small.si)}' for which in (0, 1))
-    named, findings, ratio = _named(result), result.findings, noise_ratio(result)
-    unit = small.unit
-    text = f'Without {named} in the model, the model error is {before} {unit}; with {_pronoun(named)}, {after} {unit}'
-    text += ', as small as the sensor noise' if ratio <= 1.0 else f', {number(ratio)} times the sensor noise'
-    if findings.ratio is not None and findings.ratio_interval is not None:
-        low, high = findings.ratio_interval
-        text += f' (ratio {percent(findings.ratio)}, 95 % interval {100.0 * low:.0f} to {percent(high)})'
-    return f'{text}.'
+    small, ratio = result.quantity.small, noise_ratio(result)
+    before, after = (number(result.rmse(which) / small.si) for which in (0, 1))
+    remainder = 'as small as the sensor noise' if ratio <= 1.0 else f'{number(ratio)} times the sensor noise'
+    return f'With {_named(result)} in the model, its error falls from {before} to {after} {small.unit}, {remainder}.'
 
 
 def _pronoun(named: str) -> str:
@@ -151,19 +145,17 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     is_force = result.quantity.key == 'n'
     scale = 1.0 if is_force else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
-    force = 'the contact force' if is_force else f'the force of {_PARTS[result.name]}'
     named = _named(result)
-    text = f'The model predicts {force} with an error of {after} (RMS).'
+    text = f'{after} (RMS) between prediction and recording.'
     if named:
-        text = f'The model predicts {force} with an error of {before} (RMS) without {named}'
-        text += f', and {after} with {_pronoun(named)}.'
+        text = f'{before} (RMS) without {named} in the model, {after} with {_pronoun(named)}.'
     if is_force:
         return text
     speed = force_per_speed(result.found.model.parameters, scale)
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
     text += (
-        f' In addition, the force of the cylinder follows the speed of the piston: at 1 mm/s it is {growing} too low '
-        f'while the chamber grows, and {shrinking} too high while the chamber shrinks.'
+        f' In addition, each mm/s of piston speed lowers the force by {growing} while the chamber grows, and raises the '
+        f'force by {shrinking} while the chamber shrinks.'
     )
     if geometry.area is None:
         text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Run identify_bag with --area to give yours.'

@@ -33,7 +33,7 @@ def changed(**values):
 def test_an_effect_is_named_with_what_to_inspect():
     summary = summary_of(closed())
     assert summary.missing == f'Droop in cylinder A: {EFFECTS["droop"].description}.'
-    assert summary.certainty.startswith('Confirmed. Without droop in the model, the model error is ')
+    assert summary.certainty.startswith('Confirmed. With droop in the model, its error falls from ')
     assert summary.next == f'Inspect {EFFECTS["droop"].inspect}.'
 
 
@@ -49,8 +49,8 @@ def test_a_tie_names_both_and_what_decides():
 
 def test_several_effects_of_the_force_are_named_together():
     summary = summary_of(with_force(closed()), 'force')
-    assert summary.missing.startswith('Seal friction of the force: ')
-    assert ' N (RMS) without seal friction, and ' in summary.cost
+    assert summary.missing.startswith('Seal friction: ')
+    assert ' N (RMS) without seal friction in the model, ' in summary.cost
     assert 'mm/s' not in summary.cost
 
 
