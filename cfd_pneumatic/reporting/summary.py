@@ -154,8 +154,8 @@ def _cost(result: ChannelResult, geometry: Geometry) -> str:
     speed = force_per_speed(result.found.model.parameters, scale)
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
     text += (
-        f' In addition, each mm/s of piston speed lowers the force by {growing} while the chamber grows, and raises the '
-        f'force by {shrinking} while the chamber shrinks.'
+        f' As in every device, the force follows the piston speed: {growing} lower per mm/s while the chamber grows, '
+        f'{shrinking} higher per mm/s while the chamber shrinks.'
     )
     if geometry.area is None:
         text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Run identify_bag with --area to give yours.'
