@@ -189,7 +189,7 @@ class Plot {
     if (this.data.wide) {
       button('Zoom in', () => this.zoom(1 / ZOOM));
       button('Zoom out', () => this.zoom(ZOOM));
-      button('Whole recording', () => this.show(...this.data.span));
+      button('Show all', () => this.show(...this.data.span));
     }
     for (const [title, begin, end] of this.data.windows) {
       const margin = 0.05 * (end - begin);

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import NamedTuple
 
-from cfd_pneumatic.convention import PISTON_AREA
-from cfd_pneumatic.device import force_per_speed
+from cfd_pneumatic.convention import CYLINDERS, PISTON_AREA
+from cfd_pneumatic.device import ForcePerSpeed, force_per_speed
 from cfd_pneumatic.identification import (
     PLACES,
     ChannelResult,
@@ -50,7 +50,7 @@ def summarise(result: ChannelResult, identification: Identification) -> Summary:
     if result.findings.has_warning:
         return _doubtful_summary(result, identification)
     steps = ' '.join(_next_steps(result))
-    return Summary(_missing(result), _certainty(result), _cost(result, identification.geometry), sentence(steps))
+    return Summary(_missing(result), _certainty(result), _cost(result, identification), sentence(steps))
 
 
 def _doubtful_summary(result: ChannelResult, identification: Identification) -> Summary:
@@ -140,26 +140,45 @@ def _to_noise(result: ChannelResult) -> str:
     return 'down to sensor noise' if ratio <= 1.0 else f'to within {number(ratio)} times the sensor noise'
 
 
-def _cost(result: ChannelResult, geometry: Geometry) -> str:
+def _cost(result: ChannelResult, identification: Identification) -> str:
     """Return the errors of the predicted force, and the change of the force per piston speed."""
-    is_force = result.quantity.key == 'n'
-    scale = 1.0 if is_force else force_per_pressure(geometry)
+    geometry = identification.geometry
+    scale = 1.0 if result.quantity.key == 'n' else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
     named = _named(result)
     text = f'{after} (RMS) between prediction and recording.'
     if named:
         text = f'{before} (RMS) without {named} in the model, {after} with {_pronoun(named)}.'
-    if is_force:
+    speed = _force_per_speed(result, identification)
+    if speed is None:
         return text
-    speed = force_per_speed(result.found.model.parameters, scale)
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
+    force, chamber = 'the force', 'the chamber'
+    if result.quantity.key == 'n':
+        force, chamber = 'the contact force', 'chamber A'
     text += (
-        f' As in every device, the force follows the piston speed: {growing} lower per mm/s while the chamber grows, '
-        f'{shrinking} higher per mm/s while the chamber shrinks.'
+        f' As in every device, {force} follows the piston speed: {growing} lower per mm/s while {chamber} grows, '
+        f'{shrinking} higher per mm/s while {chamber} shrinks.'
     )
     if geometry.area is None:
         text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Run identify_bag with --area to give yours.'
     return text
+
+
+def _force_per_speed(result: ChannelResult, identification: Identification) -> ForcePerSpeed | None:
+    """Return the force per piston speed of a cylinder, or of both for the contact force; None without cylinders."""
+    scale = force_per_pressure(identification.geometry)
+    a, b = (
+        force_per_speed(identification.cylinders[name].found.model.parameters, scale)
+        if name in identification.cylinders
+        else None
+        for name in CYLINDERS
+    )
+    if result.quantity.key == 'pa':
+        return a if result.name == CYLINDERS[0] else b
+    if a is None or b is None:
+        return a
+    return ForcePerSpeed(a.growing + b.shrinking, a.shrinking + b.growing)
 
 
 def force_per_pressure(geometry: Geometry) -> float:

@@ -51,7 +51,7 @@ def test_several_effects_of_the_force_are_named_together():
     summary = summary_of(with_force(closed()), 'force')
     assert summary.missing.startswith('Seal friction: ')
     assert ' N (RMS) without seal friction in the model, ' in summary.cost
-    assert 'mm/s' not in summary.cost
+    assert 'the contact force follows the piston speed' in summary.cost
 
 
 def test_an_unexplained_error_has_a_size_and_the_strongest_hint():
