@@ -69,4 +69,11 @@ def _chart(plan: Planned, colours: tuple[str, ...]) -> Chart:
     marks = [float(proposal.times[index]) for _, index in proposal.segments[:count]]
     extent = f'one round of {plan.rounds}' if plan.rounds > 1 else 'all of it'
     span = float(times[0]), float(times[-1])
-    return Chart(panels, span, 'time [s]', f'{PICTURE_LABEL}{extent}', f'The schedule, {extent}. Dotted lines: begins of the segments.', marks=marks)
+    return Chart(
+        panels,
+        span,
+        'time [s]',
+        f'{PICTURE_LABEL}{extent}',
+        f'The schedule, {extent}. Dotted lines: begins of the segments.',
+        marks=marks,
+    )

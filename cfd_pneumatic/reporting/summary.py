@@ -87,6 +87,9 @@ def _missing(result: ChannelResult) -> str:
     causes = [_cause(result, effect) for effect in findings.effects]
     if findings.unknown is not None:
         causes.insert(0, f'An unknown characteristic of {part}: {findings.unknown.cause}.')
+    if len(causes) > 1:
+        causes = [f'{rank}. {cause}' for rank, cause in enumerate(causes, start=1)]
+        causes.insert(0, f'{len(causes)} causes.')
     return ' '.join(causes)
 
 
@@ -106,7 +109,9 @@ def _certainty(result: ChannelResult) -> str:
         return 'No answer: the recording is too short.'
     if findings.verdict == 'no_missing_effect':
         count = len(findings.not_visible)
-        hidden = f' This recording could not show {count} of the known effects.' if count else ''
+        hidden = (
+            f' No effect that this recording can show is missing; it could not show {count} effects.' if count else ''
+        )
         return f'Confirmed.{hidden}' if findings.status == 'confirmed' else f'{_HYPOTHESIS}{hidden}'
     if findings.verdict == 'unexplained' and not findings.effects:
         if not findings.is_searched:
@@ -114,8 +119,12 @@ def _certainty(result: ChannelResult) -> str:
         return 'The error is real. All known effects were tried; none explains the error.'
     if findings.status != 'confirmed':
         return f'{_HYPOTHESIS} {_reduction(result)}'
-    tied = any(findings.alternatives.values())
-    return f'{"Confirmed that one of them acts." if tied else "Confirmed."} {_reduction(result)}'
+    status = 'Confirmed.'
+    if any(findings.alternatives.values()):
+        status = 'Confirmed that one of them acts.'
+        if len(findings.effects) > 1:
+            status = 'Confirmed, except which of the effects acts that this recording cannot distinguish.'
+    return f'{status} {_reduction(result)}'
 
 
 def _reduction(result: ChannelResult) -> str:
