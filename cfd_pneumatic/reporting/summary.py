@@ -109,9 +109,7 @@ def _certainty(result: ChannelResult) -> str:
         return 'No answer: the recording is too short.'
     if findings.verdict == 'no_missing_effect':
         count = len(findings.not_visible)
-        hidden = (
-            f' No effect that this recording can show is missing; it could not show {count} effects.' if count else ''
-        )
+        hidden = f' This recording could not show {count} of the known effects.' if count else ''
         return f'Confirmed.{hidden}' if findings.status == 'confirmed' else f'{_HYPOTHESIS}{hidden}'
     if findings.verdict == 'unexplained' and not findings.effects:
         if not findings.is_searched:
