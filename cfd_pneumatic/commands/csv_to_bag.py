@@ -46,7 +46,7 @@ def convert(arguments: Sequence[str] | None = None) -> None:
         ambient_pressure=options.ambient_pressure,
         overwrite=options.overwrite,
     )
-    print(f'{options.output} written')
+    print(f'bag written to the folder {options.output}')
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -78,14 +78,14 @@ def make_parser() -> argparse.ArgumentParser:
         type=program.number,
         default=0.0,
         metavar='S',
-        help='time at which the valve is shut [s] (default: 0)',
+        help='time at which the valve is shut [s], after the first sample (default: 0)',
     )
     parser.add_argument(
         '--end',
         type=program.number,
         default=float('inf'),
         metavar='S',
-        help='time at which the valve opens [s] (default: never)',
+        help='time at which the valve opens [s], after the first sample (default: never)',
     )
     program.add_ambient_pressure(parser, 'absolute ambient pressure, the zero of gauge pressures')
     program.add_overwriting(parser)

@@ -49,8 +49,10 @@ def plan_from_arguments(arguments: Sequence[str] | None = None) -> None:
     sensing, stroke = (Sensing(), Limits.stroke) if options.report is None else read_report(options.report)
     sensing = replace(sensing, **{name: value for name in _SENSING if (value := getattr(options, name)) is not None})
     pressures = usual_pressures(device) if options.pressures is None else tuple(options.pressures)
-    options.stroke = stroke if options.stroke is None else options.stroke
-    limits = Limits(pressures, **{name: getattr(options, name) for name in _LIMITS})
+    chosen = {name: getattr(options, name) for name in _LIMITS}
+    if options.stroke is None:
+        chosen['stroke'] = stroke
+    limits = Limits(pressures, **chosen)
     FILES.check(options.output, overwrite=options.overwrite)
     wanted = WANTED if options.wanted is None else options.wanted
     proposed = plan(device, limits, sensing, wanted)
@@ -58,10 +60,20 @@ def plan_from_arguments(arguments: Sequence[str] | None = None) -> None:
     console = terminal()
     for name in device.assumed:
         console.print(f'{name} is not in {options.parameters}. The value of Table 1 is used.', style='yellow')
-    scope = f'planned for strokes of {1e3 * limits.stroke:.3g} mm, sampled at {sensing.sample_rate:g} Hz'
-    console.print(f'{scope}{_sampling_advice(wanted, sensing.sample_rate)}')
+    stroke_source, rate_source = (_source_text(name, options) for name in ('stroke', 'sample_rate'))
+    console.print(
+        f'Stroke: {1e3 * limits.stroke:.3g} mm, {stroke_source}. '
+        f'Sample rate: {sensing.sample_rate:,g} Hz, {rate_source}.{_sampling_advice(wanted, sensing.sample_rate)}'
+    )
     print_plan(proposed, console)
     print(f'written: {", ".join(map(str, files))}')
+
+
+def _source_text(name: str, options: argparse.Namespace) -> str:
+    """Return the source of the stroke or the sample rate as text: an option, the report or the default."""
+    if getattr(options, name) is not None:
+        return f'from --{name.replace("_", "-")}'
+    return 'the default' if options.report is None else f'from {options.report}'
 
 
 def _sampling_advice(wanted: Sequence[str], sample_rate: float) -> str:
@@ -71,9 +83,9 @@ def _sampling_advice(wanted: Sequence[str], sample_rate: float) -> str:
     fast_effects = [EFFECTS[name] for name in wanted if name in EFFECTS and EFFECTS[name].shown_at > sample_rate]
     if not fast_effects:
         return ''
-    names = ', '.join(effect.name for effect in fast_effects)
+    names = ' and '.join(effect.name for effect in fast_effects)
     rate = max(effect.shown_at for effect in fast_effects)
-    return f'; better visible with --sample-rate {rate:g}: {names}'
+    return f' A recording at {rate:,g} Hz shows {names} better. To plan for {rate:,g} Hz, add `--sample-rate {rate:g}`.'
 
 
 def make_parser() -> argparse.ArgumentParser:

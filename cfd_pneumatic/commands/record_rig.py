@@ -49,7 +49,11 @@ def record_bag(arguments: Sequence[str] | None = None) -> None:
     write_recording(
         options.output, recording, namespace=options.namespace, storage=options.storage, overwrite=options.overwrite
     )
-    print(f'{options.output}: {schedule.name}, {schedule.samples:,} samples in {schedule.duration:g} s')
+    faults = f'; faults: {options.faults}' if options.faults.strip() else ''
+    print(
+        f'bag written to the folder {options.output}: {schedule.name}, {schedule.samples:,} samples in '
+        f'{schedule.duration:g} s{faults}'
+    )
 
 
 def _defaults(option: str) -> str:

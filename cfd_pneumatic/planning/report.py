@@ -23,6 +23,15 @@ from cfd_pneumatic.terminal import table
 
 SCHEMA = 1
 
+_EFFECT_HEADINGS = (
+    'effect',
+    'detectable\nat the\nstarting\nstrength',
+    'detectable from',
+    'not distin-\nguishable from',
+    'most similar effect',
+    'share that\ndiffers',
+)
+_STARTING_STRENGTH = 'Starting strength of an effect: the strength at which the search of identify_bag begins.'
 
 _is_plan = marked(r'\A\{\s*"schema": \d+,\s*"duration_s": ')
 _begins_at_rest = marked(rf'\A{",".join(SCHEDULE_COLUMNS)}\n0\.0,0\.0,0\.0,')
@@ -76,11 +85,14 @@ def write_plan(plan: Planned, folder: Path, *, overwrite: bool = False) -> list[
 def print_plan(plan: Planned, console: Console) -> None:
     """Print the schedule and the predictions."""
     proposal = plan.proposal
+    rounds, subject = ('1 round', 'The round') if plan.rounds == 1 else (f'{plan.rounds} rounds', 'Each round')
     console.print(
-        f'{proposal.times[-1]:.1f} s in {plan.rounds} round{"s" if plan.rounds > 1 else ""}, each of: '
-        f'{"; ".join(segment_texts(plan))}.'
+        f'The schedule has {rounds} and takes {proposal.times[-1]:.1f} s. {subject}: {"; ".join(segment_texts(plan))}. '
+        'Percent: shares of the stroke and of the pressure range.'
     )
     console.print(_parameter_table(plan.parameters))
+    if plan.effects:
+        console.print(_STARTING_STRENGTH)
     for channel, effects in groupby(plan.effects, key=lambda prediction: prediction.channel):
         console.print(_effect_table(channel, list(effects)))
 
@@ -100,14 +112,15 @@ def _parameter_table(parameters: Sequence[ParameterPrediction]) -> Table:
 
 
 def _effect_table(channel: str, effects: Sequence[EffectPrediction]) -> Table:
-    headings = ('effect', 'detectable', 'from', 'not distinguishable from', 'most similar, share that differs')
-    rows = table(f'{channel}: detectable effects', *headings, words=headings)
+    rows = table(f'{channel}: detectable effects', *_EFFECT_HEADINGS, words=_EFFECT_HEADINGS[:-1])
+    for column in rows.columns:
+        column.no_wrap = column.header != 'detectable from'
     for prediction in effects:
         nearest = prediction.nearest
-        similar = '' if nearest is None else f'{nearest[0]}: {100.0 * nearest[1]:.0f} %'
-        rivals = ', '.join(prediction.alternatives)
+        similar, share = ('', '') if nearest is None else (nearest[0], f'{100.0 * nearest[1]:.0f} %')
+        rivals = ',\n'.join(prediction.alternatives)
         shows = 'yes' if prediction.shows else 'no'
-        rows.add_row(prediction.effect, shows, smallest_strength_text(prediction), rivals, similar)
+        rows.add_row(prediction.effect, shows, smallest_strength_text(prediction), rivals, similar, share)
     return rows
 
 

@@ -20,7 +20,16 @@ SCHEMA = 1
 LEAK_FILE = 'leak.json'
 PICTURE_FILE = 'leak.svg'
 
-_CAPTION = 'gap: flow proportional to the gauge pressure; orifice: choked flow, proportional to the absolute pressure'
+_CAPTION = (
+    'Gap: flow proportional to the gauge pressure. Orifice: choked flow, proportional to the absolute pressure.\n'
+)
+_SETTLING_CAPTION = (
+    'Settling: part of the pressure that decays exponentially in addition to the leak, with its time constant.\n'
+)
+_INTERVAL = '95 % interval'
+_EMPTY = 'none'  # text of an empty cell
+_FEWEST_DIGITS, _MOST_DIGITS = 3, 9  # of the limits of an interval
+_LARGEST_ERROR, _LARGEST_ERROR_RATIO = 2.0, 1.5  # of a model that is not excluded: LARGEST_LAW_ERROR and its ratio
 _ZERO = 1e-6  # a conductance below this share of its upper limit is printed as 0
 _COLOURS = ('#0a5fc2', '#c2500f')
 _WIDTH = 720.0
@@ -73,22 +82,39 @@ def print_decay(name: str, decay: Decay, console: Console) -> None:
         f'{name}: {first:.4g} to {last:.4g} kPa gauge in {decay.times[-1]:.4g} s, noise {decay.noise:.3g} Pa.'
     )
     has_settling = any(leak.settling for leak in decay.leaks)
-    headings = ['leak model', 'conductance, 1/s', '95 % interval', 'error, Pa', 'error / noise', 'result']
-    headings[3:3] = ['settles by, kPa', 'within, s'] if has_settling else []
+    headings = ['leak model', 'conductance, 1/s', _INTERVAL, 'error, Pa', 'error / noise', 'result']
+    headings[3:3] = ['settling, kPa', 'settling time constant, s'] if has_settling else []
     title = f'{name}: leak models, fitted to the first half and tested on the second half'
     models = table(title, *headings, words=('leak model', 'result'))
+    models.columns[headings.index(_INTERVAL)].no_wrap = True
     for leak in decay.leaks:
         conductance = leak.conductance if leak.conductance > _ZERO * leak.interval[1] else 0.0
-        cells = [leak.characteristic, f'{conductance:.4g}', ' to '.join(f'{limit:.3g}' for limit in leak.interval)]
+        cells = [leak.characteristic, f'{conductance:.4g}', _interval_text(*leak.interval)]
         if has_settling:
             settling = f'{1e-3 * leak.settling:.3g}', f'{leak.time_constant:.3g}'
-            cells += settling if leak.settling else ('', '')
+            cells += settling if leak.settling else (_EMPTY, _EMPTY)
         cells += [f'{leak.error:.4g}', f'{leak.error / decay.noise:.2f}', 'excluded' if leak.excluded else 'possible']
         models.add_row(*cells)
-    models.caption = _CAPTION
+    exclusion = f'A model is excluded if its error exceeds {_largest_error(decay):.4g} Pa.'
+    models.caption = f'{_CAPTION}{_SETTLING_CAPTION if has_settling else ""}{exclusion}'
     console.print(models)
     for line in _sentences(name, decay):
         console.print(line)
+
+
+def _interval_text(low: float, high: float) -> str:
+    """Return the limits of an interval as text, with enough digits to differ."""
+    for digits in range(_FEWEST_DIGITS, _MOST_DIGITS):
+        limits = [f'{limit:#.{digits}g}'.rstrip('.') if limit else '0' for limit in (low, high)]
+        if limits[0] != limits[1]:
+            break
+    return ' to '.join(limits)
+
+
+def _largest_error(decay: Decay) -> float:
+    """Return the largest error on the second half of a leak model that is not excluded [Pa]."""
+    least = max(min(leak.error for leak in decay.leaks), decay.noise)
+    return min(_LARGEST_ERROR * decay.noise, _LARGEST_ERROR_RATIO * least)
 
 
 def _sentences(name: str, decay: Decay) -> list[str]:

@@ -11,7 +11,11 @@ import pytest
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.commands.leak_test import main
 from cfd_pneumatic.convention import AMBIENT_PRESSURE
+from cfd_pneumatic.identification import decay_of
+from cfd_pneumatic.identification.thresholds import LARGEST_LAW_ERROR, LARGEST_LAW_ERROR_RATIO
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal, write_recording
+from cfd_pneumatic.reporting import print_decay
+from cfd_pneumatic.terminal import printed
 
 TIMES = 0.05 * np.arange(1200)
 
@@ -44,6 +48,25 @@ def test_it_tells_each_cylinder_s_leak_from_when_the_valve_is_shut(bag, tmp_path
         assert curve['rate_pa_per_s'] == pytest.approx(np.multiply(gap['conductance'], curve['gauge_pa']))
         assert np.all(np.less_equal(curve['low'], curve['rate_pa_per_s']))
     assert (tmp_path / 'told' / 'leak.svg').read_text().startswith('<svg')
+
+
+@pytest.mark.parametrize('noise', [0.5, 500.0])
+def test_the_table_explains_settling_and_the_limit_of_the_error(noise):
+    fall = 4e5 * np.exp(-5e-3 * TIMES) + 5e3 * np.exp(-TIMES / 5.0)
+    pressure = AMBIENT_PRESSURE + fall + np.random.default_rng(0).normal(0.0, noise, TIMES.size)
+    decay = decay_of(Signal(TIMES, pressure), AMBIENT_PRESSURE)
+    text = printed(lambda console: print_decay('cylinder_a', decay, console))
+    assert 'Settling: part of the pressure' in text
+    least = max(decay.best.error, decay.noise)
+    limit = min(LARGEST_LAW_ERROR * decay.noise, LARGEST_LAW_ERROR_RATIO * least)
+    assert f'A model is excluded if its error exceeds {limit:.4g} Pa.' in text
+    assert [leak.excluded for leak in decay.leaks] == [leak.error > limit for leak in decay.leaks]
+    for leak in decay.leaks:
+        (row,) = (line for line in text.splitlines() if line.startswith(f'│ {leak.characteristic}'))
+        low, _, high = row.split('│')[3].strip().partition(' to ')
+        assert low != high
+        assert float(low) == pytest.approx(leak.interval[0], rel=5e-3)
+        assert row.count('none') == (0 if leak.settling else 2)
 
 
 @pytest.mark.parametrize(

@@ -85,8 +85,10 @@ def test_the_advice_of_identify_bag_runs_as_it_stands(tmp_path, capsys, monkeypa
     assert program == 'plan_experiment'
     assert 'operating_point' in arguments
     assert main([*arguments, '--duration', '5']) == 0
-    said = capsys.readouterr().out  # as in the recording
-    assert re.match(r'planned for strokes of 1[.]5\d mm, sampled at 500 Hz\n', said)
+    said = ' '.join(capsys.readouterr().out.split())  # as in the recording
+    assert re.match(
+        r'Stroke: 1[.]5\d mm, from .+/report[.]json[.] Sample rate: 500 Hz, from .+/report[.]json[.] ', said
+    )
     assert {path.name for path in (found / 'next').iterdir()} >= FILES
     inside = json.loads((found / 'report.json').read_text())['next_plan']
     assert inside.replace('parameters.yaml', 'X') in command.replace(f"'{found}/parameters.yaml'", 'X').replace(
@@ -103,6 +105,27 @@ def test_wanted_and_the_sensors_are_taken_over(tmp_path, capsys):
     assert {one['effect'] for one in plan['effects']} == {'leakage'}
     times = np.loadtxt(tmp_path / 'schedule.csv', delimiter=',', skiprows=1, usecols=0)
     assert np.diff(times) == pytest.approx(0.004, abs=2e-9)
+    assert capsys.readouterr().out.startswith('Stroke: 3 mm, the default. Sample rate: 250 Hz, from --sample-rate.\n')
+
+
+def test_a_rate_at_which_effects_are_not_visible_gets_an_advice(tmp_path, capsys):
+    options = ['--stroke', '2e-3', '--sample-rate', '250', '--wanted', 'leakage', 'sensor_lag', 'line_resonance']
+    assert main([str(TABLE_1), '--output', str(tmp_path), *QUICK, *options]) == 0
+    said = capsys.readouterr().out
+    text = ' '.join(said.split())
+    assert text.startswith('Stroke: 2 mm, from --stroke. Sample rate: 250 Hz, from --sample-rate.')
+    assert (
+        'A recording at 1,000 Hz shows sensor_lag and line_resonance better. '
+        'To plan for 1,000 Hz, add `--sample-rate 1000`.'
+    ) in text
+    plan = json.loads((tmp_path / 'plan.json').read_text())
+    rounds = plan['rounds']
+    assert f'The schedule has {rounds} round' in text
+    assert f' takes {plan["duration_s"]:.1f} s. ' in text
+    for effect in plan['effects']:  # no name is cut off
+        nearest = effect['most_alike']
+        assert nearest is None or nearest in said
+        assert all(name in said for name in effect['not_told_from'])
 
 
 def test_what_the_file_lacks_is_said_to_be_table_1s(tmp_path, capsys):

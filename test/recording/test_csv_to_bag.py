@@ -78,7 +78,7 @@ def test_a_table_becomes_a_bag_that_says_the_same(folder, storage):
     done = in_a_process(folder, 'run.csv', '--mapping', 'mapping.yaml', '--output', 'out/bag', '--storage', storage)
     assert (done.returncode, done.stderr) == (0, '')
     said = done.stdout.splitlines()
-    assert (said[0], said[-1]) == ('run.csv:', 'out/bag written')
+    assert (said[0], said[-1]) == ('run.csv:', 'bag written to the folder out/bag')
     assert [line.partition(':')[0].strip() for line in said[1:5]] == [
         'displacement',
         'cylinder_a pressure',

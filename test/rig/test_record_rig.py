@@ -51,10 +51,13 @@ def test_options_reach_the_schedule(tmp_path: Path) -> None:
     assert read.cylinders['cylinder_b'].setpoint.values == pytest.approx([101325 + 50e3])
 
 
-def test_faults_and_the_device_are_those_of_the_rig(tmp_path: Path) -> None:
+def test_faults_and_the_device_are_those_of_the_rig(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bag = tmp_path / 'bag'
     faults = 'effects_a.leak_conductance=1e-9 pickup.force_offset=5'
     assert main(['paper_step', '--device', 'paper', '--faults', faults, '--output', str(bag)]) == 0
+    assert capsys.readouterr().out == (
+        f'bag written to the folder {bag}: paper_step, 350 samples in 0.698 s; faults: {faults}\n'
+    )
     changes = {'effects_a.leak_conductance': 1e-9, 'pickup.force_offset': 5.0}
     expected = record(paper_step(), with_changes(DEVICES['paper'], changes))
     read = read_recording(bag)

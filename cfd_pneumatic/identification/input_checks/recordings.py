@@ -70,7 +70,7 @@ def describe(recording: Recording, ambient_pressure: float) -> list[str]:
         elif role in ('pressure', 'setpoint'):
             low, high, middle = (1e-3 * (value - ambient_pressure) for value in (low, high, middle))
             psi = 1e3 / PSI
-            text = f'{low:.4g} to {high:.4g} kPa gauge ({psi * low:.3g} to {psi * high:.3g} psi), mostly {middle:.4g}'
+            text = f'{low:.4g} to {high:.4g} kPa gauge ({psi * low:.3g} to {psi * high:.3g} psi), median {middle:.4g}'
         else:
             text = f'{low:.4g} to {high:.4g}' + (' N' if role == 'force' else '')
         lines.append(f'{name}: {text}; {_describe_sampling(role, signal)}')
