@@ -75,5 +75,5 @@ def test_once_compiled_nothing_is_compiled_again(compiled, examples):
 
 def test_the_examples_work(examples):
     assert list(examples.said) == COMMANDS
-    assert 'Missing effects: leakage' in examples.said['identify_bag']
+    assert 'Leakage in cylinder A' in examples.said['identify_bag']
     assert 'cylinder_a pressure: 68.33 to 68.95 kPa gauge' in examples.said['csv_to_bag']
