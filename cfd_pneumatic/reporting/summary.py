@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import NamedTuple
 
+import numpy as np
+
 from cfd_pneumatic.convention import CYLINDERS, PISTON_AREA
 from cfd_pneumatic.device import ForcePerSpeed, force_per_speed
 from cfd_pneumatic.identification import (
     PLACES,
     ChannelResult,
+    Conclusion,
     Geometry,
     Identification,
     number,
@@ -24,6 +27,8 @@ from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.notices import WARNING
 
 _DIGITS = 2  # of forces and ratios
+_NEAR_NOISE = 1.1  # times the noise, up to which an error counts as small
+_LEAST_STDS = 3.0  # of an offset at rest that is reported, in standard errors
 _FOLLOWED = {'time': 'time', 'position': 'the position of the piston', 'piston speed': 'the speed of the piston'}
 _HYPOTHESIS = 'Hypothesis: more than sensor noise remains.'
 _PARTS = {'cylinder_a': 'cylinder A', 'cylinder_b': 'cylinder B', 'force': 'the contact force'}
@@ -83,14 +88,25 @@ def _missing(result: ChannelResult) -> str:
         more = f' {_capital(known)} can explain a part of the error.' if known else ''
         ratio = number(noise_ratio(result), _DIGITS)
         size = f'Not explained: the model error of {part} is {ratio} times the sensor noise.'
+        if noise_ratio(result) < _NEAR_NOISE:
+            size = f'Not explained: the model error of {part} is as small as the sensor noise, but it is not noise.'
         return ' '.join([f'{size}{more}', *map(sentence, findings.contradictions)])
-    causes = [_cause(result, effect) for effect in findings.effects]
+    causes = [f'{_cause(result, effect)}{_share(findings, effect)}' for effect in findings.effects]
     if findings.unknown is not None:
         causes.insert(0, f'An unknown characteristic of {part}: {findings.unknown.cause}.')
     if len(causes) > 1:
         causes = [f'{rank}. {cause}' for rank, cause in enumerate(causes, start=1)]
         causes.insert(0, f'{len(causes)} causes.')
     return ' '.join(causes)
+
+
+def _share(findings: Conclusion, effect: str) -> str:
+    """Return the share of the squared error that one of several effects explains, as a sentence; empty for one."""
+    shares = {trial.effect: trial.rss_drop for trial in findings.tried if trial.accepted}
+    if len(findings.effects) < 2 or effect not in shares:
+        return ''
+    remaining = 'remaining ' if effect != findings.effects[0] else ''
+    return f' It explains {percent(shares[effect])} of the {remaining}squared error.'
 
 
 def _cause(result: ChannelResult, effect: str) -> str:
@@ -153,9 +169,12 @@ def _cost(result: ChannelResult, identification: Identification) -> str:
     scale = 1.0 if result.quantity.key == 'n' else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
     named = _named(result)
-    text = f'{after} (RMS) between prediction and recording.'
+    text = f'{_force_at_rest(result, identification)}Prediction: {after} (RMS) off.'
     if named:
-        text = f'{before} (RMS) without {named} in the model, {after} with {_pronoun(named)}.'
+        text = (
+            f'{_force_at_rest(result, identification)}Prediction: {before} (RMS) off without {named} in the model, '
+            f'{after} with {_pronoun(named)}.'
+        )
     speed = _force_per_speed(result, identification)
     if speed is None:
         return text
@@ -168,8 +187,26 @@ def _cost(result: ChannelResult, identification: Identification) -> str:
         f'{shrinking} higher per mm/s while {chamber} shrinks.'
     )
     if geometry.area is None:
-        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Run identify_bag with --area to give yours.'
+        text += f' Assumed piston area: {number(1e6 * PISTON_AREA)} mm². Give yours with identify_bag --area, in m².'
     return text
+
+
+def _force_at_rest(result: ChannelResult, identification: Identification) -> str:
+    """Return how far the force of a cylinder is from its set-point at rest, as a sentence; empty if not significant."""
+    recorded = [
+        rank
+        for rank, comparison in enumerate(result.comparisons)
+        if result.name in CYLINDERS
+        and identification.recordings[comparison.recording].cylinders[result.name].setpoint is not None
+    ]
+    if not recorded:
+        return ''
+    offset = float(np.mean(result.fit.model.recording_values[recorded, 0]))
+    std = float(np.max(result.fit.stds[recorded, 0]))
+    if abs(offset) < max(_LEAST_STDS * std, result.noise.std):
+        return ''
+    size = number(force_per_pressure(identification.geometry) * abs(offset), _DIGITS)
+    return f'At rest: {size} N {"above" if offset > 0.0 else "below"} the set-point. '
 
 
 def _force_per_speed(result: ChannelResult, identification: Identification) -> ForcePerSpeed | None:

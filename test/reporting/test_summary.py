@@ -11,11 +11,13 @@ import pytest
 from identified import closed, judged, with_force
 
 from cfd_pneumatic.device import force_per_speed
-from cfd_pneumatic.identification import Geometry
+from cfd_pneumatic.identification import Geometry, Options, identify
 from cfd_pneumatic.identification.characteristic import Characteristic
 from cfd_pneumatic.model import CORES, EFFECTS, Cylinder, OperatingPoints
 from cfd_pneumatic.notices import warning
+from cfd_pneumatic.recording import recording_of
 from cfd_pneumatic.reporting.summary import force_per_pressure, noise_ratio, summarise
+from cfd_pneumatic.rig import device_named, out_and_back, record
 
 
 def summary_of(identification, name='cylinder_a'):
@@ -50,7 +52,7 @@ def test_a_tie_names_both_and_what_decides():
 def test_several_effects_of_the_force_are_named_together():
     summary = summary_of(with_force(closed()), 'force')
     assert summary.missing.startswith('Seal friction: ')
-    assert ' N (RMS) without seal friction in the model, ' in summary.cost
+    assert ' N (RMS) off without seal friction in the model, ' in summary.cost
     assert 'the contact force follows the piston speed' in summary.cost
 
 
@@ -127,3 +129,16 @@ def test_an_unknown_area_is_named():
 
 def test_every_effect_names_what_to_inspect():
     assert [name for name, effect in {**EFFECTS, **CORES}.items() if not effect.inspect] == []
+
+
+def test_a_leak_costs_force_at_rest():
+    """A leak lowers the pressure at rest: the force error states by how much."""
+    found = identify(
+        [recording_of(record(out_and_back(), device_named('paper', 'effects_a.leak_conductance=2e-10')))],
+        Options(close_loop=True),
+    )
+    result = found.channels['cylinder_a']
+    offset = float(result.fit.model.recording_values[0, 0])
+    size = re.match(r'At rest: ([\d.]+) N below the set-point[.] ', summary_of(found).cost)[1]
+    assert float(size) == pytest.approx(-offset * force_per_pressure(found.geometry), rel=0.06)
+    assert 'At rest' not in summary_of(found, 'cylinder_b').cost
