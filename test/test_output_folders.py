@@ -21,7 +21,7 @@ AS_A_USER = 'setpriv', '--bounding-set=-dac_override,-dac_read_search,-fowner,-c
 
 WRITES = {
     'identify_bag': ['parameters.yaml', 'report.json'],
-    'plan_experiment': ['plan.json', 'schedule.csv', 'schedule.svg'],
+    'plan_experiment': ['plan.html', 'plan.json', 'schedule.csv', 'schedule.svg'],
     'leak_test': ['leak.json', 'leak.svg'],
     'record_rig': ['metadata.yaml', 'out.mcap'],
 }

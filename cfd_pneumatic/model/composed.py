@@ -6,7 +6,7 @@ Eight cylinders that differ only in their parameters are simulated in parallel, 
 its derivatives from them. All numbers that persist between steps are in an array of rows. A row has a number of each
 lane.
 
-Written by `make kernel` from the effects, fingerprint b9b8f78a39c3561e; do not edit.
+Written by `make kernel` from the effects, fingerprint 2f9bf81fae86339d; do not edit.
 """
 
 from __future__ import annotations

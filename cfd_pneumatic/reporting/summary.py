@@ -22,6 +22,7 @@ from cfd_pneumatic.identification import (
     readable_name,
     residual_dependences,
     sentence,
+    title,
 )
 from cfd_pneumatic.model import EFFECTS
 from cfd_pneumatic.notices import WARNING
@@ -31,7 +32,6 @@ _NEAR_NOISE = 1.1  # times the noise, up to which an error counts as small
 _LEAST_STDS = 3.0  # of an offset at rest that is reported, in standard errors
 _FOLLOWED = {'time': 'time', 'position': 'the position of the piston', 'piston speed': 'the speed of the piston'}
 _HYPOTHESIS = 'Hypothesis: more than sensor noise remains.'
-_PARTS = {'cylinder_a': 'cylinder A', 'cylinder_b': 'cylinder B', 'force': 'the contact force'}
 
 
 class Summary(NamedTuple):
@@ -78,7 +78,7 @@ def noise_ratio(result: ChannelResult) -> float:
 
 
 def _missing(result: ChannelResult) -> str:
-    findings, part = result.findings, _PARTS[result.name]
+    findings, part = result.findings, _part(result)
     if findings.verdict == 'insufficient_data':
         return sentence(findings.why)
     if findings.verdict == 'no_missing_effect':
@@ -100,6 +100,13 @@ def _missing(result: ChannelResult) -> str:
     return ' '.join(causes)
 
 
+def _part(result: ChannelResult) -> str:
+    """Return the name of a channel within a sentence."""
+    if result.name in CYLINDERS:
+        return f'cylinder {result.name[-1].upper()}'
+    return f'the {title(result.name).lower()}'
+
+
 def _share(findings: Conclusion, effect: str) -> str:
     """Return the share of the squared error that one of several effects explains, as a sentence; empty for one."""
     shares = {trial.effect: trial.rss_drop for trial in findings.tried if trial.accepted}
@@ -114,8 +121,8 @@ def _cause(result: ChannelResult, effect: str) -> str:
     rivals = result.findings.alternatives.get(effect, ())
     if rivals:
         names = ' or '.join(map(readable_name, (effect, *rivals)))
-        return f'{_capital(names)} in {_PARTS[result.name]}. This recording cannot distinguish them.'
-    where = f' in {_PARTS[result.name]}' if result.quantity.key == 'pa' else ''
+        return f'{_capital(names)} in {_part(result)}. This recording cannot distinguish them.'
+    where = f' in {_part(result)}' if result.quantity.key == 'pa' else ''
     return f'{_capital(readable_name(effect))}{where}: {result.channel.effects[effect].description.partition(":")[0]}.'
 
 

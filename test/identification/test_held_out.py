@@ -94,7 +94,7 @@ def test_a_device_that_changes_behind_the_validation_part_is_unexplained():
     assert 'changed_during_recording' in {one.code for one in found.notices if one.level == WARNING}
     closure = found.channels['cylinder_a'].conclusion
     assert closure.verdict == 'unexplained'
-    assert f'From t = {begin:.4g} s on the error is' in closure.why
+    assert f'From t = {begin:.4g} s on, the error is' in closure.why
     assert 'Nothing is missing' not in closure.why
     assert closure.effects == ()
 
