@@ -14,7 +14,8 @@ const clocks = new Map();       // charts that share cursor and zoom, by their c
 const colour = text => {
   const name = /^var\((--[\w-]+)\)$/.exec(text);
   const style = getComputedStyle(document.documentElement);
-  return name ? style.getPropertyValue(name[1]).trim() : text === 'currentColor' ? style.color : text;
+  const value = name ? style.getPropertyValue(name[1]).trim() : text === 'currentColor' ? '' : text;
+  return value || style.color;
 };
 
 // data
@@ -320,6 +321,7 @@ class Plot {
 
 async function start() {
   if (!window.Bokeh || !window.DecompressionStream || !window.IntersectionObserver) return;
+  Bokeh.logger?.set_level?.('error');
   document.documentElement.classList.add('plots');
   const plots = [];
   const observer = new IntersectionObserver(async entries => {
