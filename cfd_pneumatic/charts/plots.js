@@ -83,9 +83,9 @@ class Plot {
   static async of(figure) {
     const data = JSON.parse(figure.querySelector('script').textContent);
     const columns = await Promise.all(data.columns.map(decoded));
-    Object.assign(data, {marks: [], windows: [], clock: '', ...data});
+    Object.assign(data, {marks: [], windows: [], clock: '', panels: [], columns: [], ...data});
     for (const panel of data.panels) {
-      Object.assign(panel, {title: '', headroom: 0, robust: false, band: null, levels: [], labels: [], ...panel});
+      Object.assign(panel, {title: '', headroom: 0, robust: false, band: null, levels: [], labels: [], curves: [], ...panel});
       for (const curve of panel.curves) {
         [curve.x, curve.y] = [columns[curve.x], columns[curve.y]];
         curve.times = curve.times === undefined ? null : columns[curve.times];

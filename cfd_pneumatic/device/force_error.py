@@ -6,6 +6,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.convention import PISTON_AREA
+from cfd_pneumatic.identification import Geometry
 
 
 class ForcePerSpeed(NamedTuple):
@@ -23,7 +25,7 @@ class ForcePerSpeed(NamedTuple):
     """While the chamber shrinks: the pressure is above the set-point."""
 
 
-def force_per_speed(gains: Array, force_per_pressure: float) -> ForcePerSpeed:
+def force_per_speed(gains: Array, force_scale: float) -> ForcePerSpeed:
     """
     Return the size of the force error per piston speed [N s/m].
 
@@ -31,9 +33,15 @@ def force_per_speed(gains: Array, force_per_pressure: float) -> ForcePerSpeed:
     ----------
     gains
         K_x [Pa/m], K_sv [1/s], K_v [1/s] and tau [s], shape (4,).
-    force_per_pressure
+    force_scale
         Piston area times geometric factor [N/Pa].
 
     """
     k_x, k_sv, k_v, _ = gains.tolist()
-    return ForcePerSpeed(force_per_pressure * k_x / k_sv, force_per_pressure * k_x / k_v)
+    return ForcePerSpeed(force_scale * k_x / k_sv, force_scale * k_x / k_v)
+
+
+def force_per_pressure(geometry: Geometry) -> float:
+    """Return piston area times geometric factor [N/Pa]; the default area if the area is not known."""
+    area = PISTON_AREA if geometry.area is None else geometry.area
+    return area * abs(1.0 if geometry.factor is None else geometry.factor)

@@ -14,7 +14,7 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Channel, Estimate, Force, Model, Pressure
     from cfd_pneumatic.identification.characteristic import Characteristic
-    from cfd_pneumatic.identification.conclusion import Conclusion, PartError
+    from cfd_pneumatic.identification.conclusion import Conclusion, PartError, ratio_without_rests
     from cfd_pneumatic.identification.data import (
         AUTO,
         CORES,
@@ -60,6 +60,7 @@ if TYPE_CHECKING:
         Test,
         autocovariance,
         autoregression,
+        is_noise,
         rounding_step,
         sample_noise,
         whitened,

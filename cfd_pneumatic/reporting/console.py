@@ -26,7 +26,7 @@ from cfd_pneumatic.identification import (
 )
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
-from cfd_pneumatic.reporting.summary import summarise
+from cfd_pneumatic.reporting.summary import LABELS, summarise
 from cfd_pneumatic.terminal import table
 from cfd_pneumatic.units import PSI
 
@@ -50,7 +50,7 @@ def print_summary(identification: Identification, console: Console) -> None:
         console.print()
         heading = f'{title(result.name)}: {verdict(result.findings.verdict)}{reservation(result.findings)}.'
         console.print(Text(heading, _STYLES.get(result.findings.verdict, 'bold')))
-        for name, text in zip(('Diagnosis', 'How sure', 'Force error', 'What to do'), summary):
+        for name, text in zip(LABELS, summary):
             console.print(Padding(_labelled(name, text), (0, 0, 0, 2)))
 
 

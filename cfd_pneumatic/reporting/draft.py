@@ -30,6 +30,7 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 EFFECT = Effect(
     name='{name}',
     description='{description}',
+    inspect='{inspect}',
     parameters=(
 {parameters}
     ),
@@ -125,7 +126,8 @@ def _file_text(curve: Characteristic, name: str, result: ChannelResult) -> str:
         functions.append(_SLIDE.format(parameters=', '.join(arguments)))
     return _FILE.format(
         title=name.replace('_', ' ').capitalize(),
-        description=curve.description.partition('. Inspect')[0],
+        description=curve.cause,
+        inspect=PLACES[curve.enters].inspect,
         imports=''.join(f'{line}\n' for line in imports),
         functions=''.join(functions),
         channel=result.name,

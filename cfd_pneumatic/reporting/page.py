@@ -28,7 +28,7 @@ from cfd_pneumatic.notices import NOTE, WARNING
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.advice import next_plan
-from cfd_pneumatic.reporting.summary import summarise
+from cfd_pneumatic.reporting.summary import LABELS, summarise
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
@@ -92,6 +92,7 @@ def report_page(
         splits=identification.splits,
         no_test=identification.no_test,
         sections=sections,
+        labels=LABELS,
         parts=PARTS,
         effects=EFFECTS,
         next_plan=next_plan(identification),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Summary of a channel's result in four short texts: what is missing, how sure, what it costs, what to do next."""
+"""Summary of a channel's result in four short texts: diagnosis, how sure, force error, what to do."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS, PISTON_AREA
-from cfd_pneumatic.device import ForcePerSpeed, force_per_speed
+from cfd_pneumatic.device import ForcePerSpeed, force_per_pressure, force_per_speed
 from cfd_pneumatic.identification import (
     PLACES,
     ChannelResult,
     Conclusion,
-    Geometry,
     Identification,
+    is_noise,
     number,
     percent,
+    ratio_without_rests,
     readable_name,
     residual_dependences,
     sentence,
@@ -32,21 +33,26 @@ _NEAR_NOISE = 1.1  # times the noise, up to which an error counts as small
 _LEAST_STDS = 3.0  # of an offset at rest that is reported, in standard errors
 _FOLLOWED = {'time': 'time', 'position': 'the position of the piston', 'piston speed': 'the speed of the piston'}
 _HYPOTHESIS = 'Hypothesis: more than sensor noise remains.'
+_UNDECIDED = 'Only if the noise is autocorrelated. Record rests of one or two seconds to decide.'
+
+
+LABELS = ('Diagnosis', 'How sure', 'Force error', 'What to do')
+"""Labels of the texts of a summary."""
 
 
 class Summary(NamedTuple):
     """The four texts, each of one to three short sentences."""
 
-    missing: str
-    """What the model lacks."""
+    diagnosis: str
+    """What the model lacks, or that nothing is missing."""
 
     certainty: str
-    """How sure the answer is."""
+    """How sure the diagnosis is."""
 
-    cost: str
-    """Error of the predicted force on the recordings, and change of the force per piston speed."""
+    force_error: str
+    """Force at rest, error of the predicted force on the recordings, and change of the force per piston speed."""
 
-    next: str
+    next_steps: str
     """What to inspect on the machine, or what to do next."""
 
 
@@ -55,7 +61,7 @@ def summarise(result: ChannelResult, identification: Identification) -> Summary:
     if result.findings.has_warning:
         return _doubtful_summary(result, identification)
     steps = ' '.join(_next_steps(result))
-    return Summary(_missing(result), _certainty(result), _cost(result, identification), sentence(steps))
+    return Summary(_diagnosis(result), _certainty(result), _force_error(result, identification), sentence(steps))
 
 
 def _doubtful_summary(result: ChannelResult, identification: Identification) -> Summary:
@@ -77,17 +83,18 @@ def noise_ratio(result: ChannelResult) -> float:
     return result.rmse(1) / result.noise.std
 
 
-def _missing(result: ChannelResult) -> str:
+def _diagnosis(result: ChannelResult) -> str:
     findings, part = result.findings, _part(result)
     if findings.verdict == 'insufficient_data':
         return sentence(findings.why)
     if findings.verdict == 'no_missing_effect':
+        if not is_noise(findings.tests_after):
+            return f'Within the tolerance. The model error of {part} is {_times_noise(result)}, and it is not noise.'
         return f'No fault found. The model explains the recording of {part} {_to_noise(result)}.'
     if findings.verdict == 'unexplained':
         known = ' and '.join(map(readable_name, findings.effects))
         more = f' {_capital(known)} can explain a part of the error.' if known else ''
-        ratio = number(noise_ratio(result), _DIGITS)
-        size = f'Not explained: the model error of {part} is {ratio} times the sensor noise.'
+        size = f'Not explained: the model error of {part} is {_times_noise(result)}.'
         if noise_ratio(result) < _NEAR_NOISE:
             size = f'Not explained: the model error of {part} is as small as the sensor noise, but it is not noise.'
         return ' '.join([f'{size}{more}', *map(sentence, findings.contradictions)])
@@ -133,19 +140,31 @@ def _certainty(result: ChannelResult) -> str:
     if findings.verdict == 'no_missing_effect':
         count = len(findings.not_visible)
         hidden = f' This recording could not show {count} of the known effects.' if count else ''
-        return f'Confirmed.{hidden}' if findings.status == 'confirmed' else f'{_HYPOTHESIS}{hidden}'
+        if not is_noise(findings.tests_after):
+            return f'Accepted by --tolerance.{hidden}'
+        return f'{_UNDECIDED if _may_be_more_than_noise(findings) else "Confirmed."}{hidden}'
     if findings.verdict == 'unexplained' and not findings.effects:
         if not findings.is_searched:
             return 'No effect was searched, because the input data look wrong.'
         return 'The error is real. All known effects were tried; none explains the error.'
     if findings.status != 'confirmed':
-        return f'{_HYPOTHESIS} {_reduction(result)}'
+        return f'{_UNDECIDED if _may_be_more_than_noise(findings) else _HYPOTHESIS} {_reduction(result)}'
     status = 'Confirmed.'
     if any(findings.alternatives.values()):
         status = 'Confirmed that one of them acts.'
         if len(findings.effects) > 1:
             status = 'Confirmed, except which of the effects acts that this recording cannot distinguish.'
     return f'{status} {_reduction(result)}'
+
+
+def _may_be_more_than_noise(findings: Conclusion) -> bool:
+    """Return whether only rests of the piston would show that the remaining error is noise."""
+    without_rests = ratio_without_rests(findings.tests_after, findings.noise.known) is not None
+    return without_rests and is_noise(findings.tests_after)
+
+
+def _times_noise(result: ChannelResult) -> str:
+    return f'{number(noise_ratio(result), _DIGITS)} times the sensor noise'
 
 
 def _reduction(result: ChannelResult) -> str:
@@ -170,21 +189,17 @@ def _to_noise(result: ChannelResult) -> str:
     return 'down to sensor noise' if ratio <= 1.0 else f'to within {number(ratio)} times the sensor noise'
 
 
-def _cost(result: ChannelResult, identification: Identification) -> str:
+def _force_error(result: ChannelResult, identification: Identification) -> str:
     """Return the errors of the predicted force, and the change of the force per piston speed."""
     geometry = identification.geometry
     scale = 1.0 if result.quantity.key == 'n' else force_per_pressure(geometry)
     before, after = (f'{number(scale * result.rmse(which), _DIGITS)} N' for which in (0, 1))
     named = _named(result)
-    text = f'{_force_at_rest(result, identification)}Prediction: {after} (RMS) off.'
+    text = f'Prediction: {after} (RMS) off.'
     if named:
-        text = (
-            f'{_force_at_rest(result, identification)}Prediction: {before} (RMS) off without {named} in the model, '
-            f'{after} with {_pronoun(named)}.'
-        )
+        text = f'Prediction: {before} (RMS) off without {named} in the model, {after} with {_pronoun(named)}.'
+    text = f'{_force_at_rest(result, identification)}{text}'
     speed = _force_per_speed(result, identification)
-    if speed is None:
-        return text
     growing, shrinking = (f'{number(1e-3 * size, _DIGITS)} N' for size in speed)
     force, chamber = 'the force', 'the chamber'
     if result.quantity.key == 'n':
@@ -216,26 +231,17 @@ def _force_at_rest(result: ChannelResult, identification: Identification) -> str
     return f'At rest: {size} N {"above" if offset > 0.0 else "below"} the set-point. '
 
 
-def _force_per_speed(result: ChannelResult, identification: Identification) -> ForcePerSpeed | None:
-    """Return the force per piston speed of a cylinder, or of both for the contact force; None without cylinders."""
+def _force_per_speed(result: ChannelResult, identification: Identification) -> ForcePerSpeed:
+    """Return the force per piston speed of a cylinder, or of all cylinders for the contact force."""
     scale = force_per_pressure(identification.geometry)
-    a, b = (
-        force_per_speed(identification.cylinders[name].found.model.parameters, scale)
-        if name in identification.cylinders
-        else None
-        for name in CYLINDERS
-    )
+    speeds = {
+        name: force_per_speed(cylinder.found.model.parameters, scale)
+        for name, cylinder in identification.cylinders.items()
+    }
     if result.quantity.key == 'pa':
-        return a if result.name == CYLINDERS[0] else b
-    if a is None or b is None:
-        return a
+        return speeds[result.name]
+    a, b = (speeds.get(name, ForcePerSpeed(0.0, 0.0)) for name in CYLINDERS)
     return ForcePerSpeed(a.growing + b.shrinking, a.shrinking + b.growing)
-
-
-def force_per_pressure(geometry: Geometry) -> float:
-    """Return piston area times geometric factor [N/Pa]; the default area if the area is not known."""
-    area = PISTON_AREA if geometry.area is None else geometry.area
-    return area * abs(1.0 if geometry.factor is None else geometry.factor)
 
 
 def _next_steps(result: ChannelResult) -> Iterator[str]:
@@ -249,11 +255,8 @@ def _next_steps(result: ChannelResult) -> Iterator[str]:
     for effect in findings.effects:
         rivals = findings.alternatives.get(effect, ())
         for name in (effect, *rivals):
-            yield (
-                f'If {readable_name(name)}: inspect {EFFECTS[name].inspect}.'
-                if rivals
-                else (f'Inspect {EFFECTS[name].inspect}.')
-            )
+            place = EFFECTS[name].inspect or f'the cause of {readable_name(name)}'
+            yield f'If {readable_name(name)}: inspect {place}.' if rivals else f'Inspect {place}.'
     if findings.verdict == 'unexplained':
         dependences = residual_dependences(result)[:1] if findings.is_searched else []
         for dependence in dependences:

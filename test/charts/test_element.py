@@ -55,7 +55,7 @@ def test_a_long_curve_keeps_its_extremes():
     values = np.random.default_rng(3).standard_normal(times.size)
     values[123_456] = 50.0
     data = data_of(chart_element(Chart([Panel('a', 100.0, [Curve(times, values, 'red')])], (0.0, 400.0), '', 'long')))
-    x, y = (decoded(one) for one in data['columns'])
+    x, y = map(decoded, data['columns'])
     assert x.size <= element.MOST_POINTS
     assert x[np.argmax(y)] == pytest.approx(123.456, abs=1e-3)
     assert (y.max(), y.min()) == (pytest.approx(50.0), pytest.approx(values.min(), abs=0.02))

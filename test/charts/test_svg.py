@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import numpy as np
@@ -58,8 +59,12 @@ def test_what_is_constant_or_empty_is_drawn_too():
         ElementTree.fromstring(svg(Chart([Panel('', 100.0, [Curve(x, y, 'red')])], (0.0, 2.0), '', ''), 300))
 
 
+def red_paths(root: ElementTree.Element) -> Iterator[ElementTree.Element]:
+    return (path for path in root.iter(f'{SVG}path') if path.get('stroke') == 'red')
+
+
 def heights(picture: str) -> np.ndarray:
-    (path,) = (one for one in ElementTree.fromstring(picture).iter(f'{SVG}path') if one.get('stroke') == 'red')
+    (path,) = red_paths(ElementTree.fromstring(picture))
     return points(path.get('d'))[:, 1]
 
 
@@ -81,7 +86,7 @@ def test_a_window_shows_its_samples_as_dots():
     window = Window('here', 40.0, 41.0)
     chart = Chart([Panel('', 100.0, [Curve(x, np.sin(x), 'red', style='samples')])], (0.0, 100.0), '', 'all')
     whole, part = (ElementTree.fromstring(svg(chart, 1000, window)) for window in (None, window))
-    paths = [next(one for one in root.iter(f'{SVG}path') if one.get('stroke') == 'red') for root in (whole, part)]
+    paths = [next(red_paths(root)) for root in (whole, part)]
     assert 'h0' not in paths[0].get('d')
     assert paths[1].get('d').count('h0') == np.count_nonzero((x >= 40.0) & (x <= 41.0))
     assert part.get('aria-label').startswith('here, 40.00 to 41.00')
