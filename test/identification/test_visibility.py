@@ -77,6 +77,13 @@ def test_a_delay_shows_with_fast_motion_and_not_without():
     assert 'transport_delay' in hidden(recorded(stroke=0.25))
 
 
+@pytest.mark.parametrize('name', ['setpoint_delay', 'setpoint_lag'])
+def test_a_late_set_point_shows_where_set_points_step(name):
+    assert name in hidden(ONE_LEVEL)
+    assert name not in hidden(TWO_LEVELS)
+    assert name in hidden(TWO_LEVELS, std=2e4)
+
+
 def test_saturation_shows_with_steps_of_the_set_point_and_not_with_small_strokes():
     assert 'flow_saturation' in hidden(recorded(heights=(1e-4, 0.0)))
     assert 'flow_saturation' not in hidden(recorded(levels=(5.0, 12.0, 5.0), heights=(1e-4, 0.0)))

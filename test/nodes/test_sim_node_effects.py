@@ -33,6 +33,8 @@ PLAY = {
     'lost_motion': (1e-4,),
     'valve_dead_band': (300.0,),
     'transport_delay': (0.005,),
+    'setpoint_delay': (0.013,),
+    'setpoint_lag': (0.02,),
 }
 """Effects of each kind, with parameters."""
 

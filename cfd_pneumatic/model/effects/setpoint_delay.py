@@ -19,7 +19,6 @@ EFFECT = Effect(
     equations=(r"p_d'(t) = p_d(t - delay)",),
     starts=starts,
     shown_by='set-point steps',
-    shown_at=500.0,
     seen_against='valve error',
     families=(DELAYS,),
     late='setpoint',

@@ -42,7 +42,6 @@ EFFECT = Effect(
     equations=(r"lag\,\dot p_d' = p_d - p_d'",),
     starts=starts,
     shown_by='set-point steps',
-    shown_at=500.0,
     seen_against='valve error',
     families=(DELAYS,),
     fastest=fastest,
