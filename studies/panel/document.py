@@ -249,7 +249,7 @@ def _command(rows: Sequence[Row]) -> Iterator[Line]:
     cases = dict.fromkeys((row.kind, row.schedule, row.effects) for row in rows)
     for case in sorted(cases, key=lambda case: (COMMAND_KINDS.index(case[0]), SCHEDULES.index(case[1]), case[2])):
         matching = [row for row in rows if (row.kind, row.schedule, row.effects) == case]
-        others = [row for row in matching if set(row.named) - set(row.effects)]
+        wrongly_named = [row for row in matching if set(row.named) - set(row.effects)]
         yield {
             'kind': f'`{case[0]}`',
             'schedule': f'`{case[1]}`',
@@ -257,7 +257,7 @@ def _command(rows: Sequence[Row]) -> Iterator[Line]:
             'draws': len(matching),
             'named': share(matching, accounts_for_each),
             'or not visible': share(matching, partial(accounts_for_each, hidden=True)),
-            'another name': len(others),
+            'another name': len(wrongly_named),
             '`unexplained`': sum(map(is_unexplained, matching)),
             'before': _quantiles(row.before_test for row in matching),
             'after': _quantiles(row.after_test for row in matching),

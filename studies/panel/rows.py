@@ -49,7 +49,7 @@ WHOLE_KINDS = ('whole', 'healthy_whole')
 """Devices with full physics, with an effect and healthy."""
 
 COMMAND_KINDS = ('command', 'weak_command')
-"""Set-points that act late; strengths of the second kind are drawn from `WEAK_ON_COMMAND`."""
+"""Set-points that act late; strengths of the second kind are in the range `WEAK_ON_COMMAND`."""
 
 KINDS = ('effects', 'foreign', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS, *COMMAND_KINDS)
 

@@ -514,7 +514,8 @@ class Pressure(Channel):
         - `x_low`, `x_high` [m]: range of the displacement
         - `speed` [m/s]: root mean square of the piston's speed in motion
         - `lag` [s]: delay of the measured behind the simulated pressure
-        - `setpoint_lag` [s]: delay of the measured behind the simulated pressure after steps of the set-point
+        - `setpoint_lag` [s]: delay of the measured behind the simulated pressure after steps of the set-point, or half
+          of the delay in the model: a dead time and a lag share what one of them alone explains
         - `period`, `duration` [s]: shortest sampling period, duration of the longest experiment
         - `largest_charge`, `largest_exhaust` [Pa/s]: largest flow of the valves
         - `slow_frequency` [Hz]: strongest frequency of the residual below 3 Hz
@@ -541,10 +542,13 @@ class Pressure(Channel):
             'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + SHORTEST_STROKE),
             'speed': speed_in_motion(longest.times, longest.inputs['displacement']),
             'lag': lag_between(longest.sample_times, longest.measured, simulated[rank]),
-            'setpoint_lag': lag_after_steps(
-                [experiment.sample_times for experiment in experiments],
-                [experiment.at_samples('setpoint') for experiment in experiments],
-                residuals,
+            'setpoint_lag': max(
+                lag_after_steps(
+                    [experiment.sample_times for experiment in experiments],
+                    [experiment.at_samples('setpoint') for experiment in experiments],
+                    residuals,
+                ),
+                0.5 * sum(values[0] for name, values in model.effects.items() if self.effects[name].is_of_command),
             ),
             'period': shortest_period(experiments),
             'duration': float(np.ptp(longest.sample_times)),
