@@ -60,6 +60,13 @@ def test_a_dead_time_and_a_lag_of_the_set_point_are_found_together():
         assert value == pytest.approx(drawn.truth.strengths[effect], rel=0.1)
 
 
+@pytest.mark.parametrize('effect', ['setpoint_delay', 'setpoint_lag'])
+def test_a_dead_time_and_a_lag_that_are_too_short_to_be_told_apart_are_a_tie(effect):
+    closure, _ = closed(draw(effect, 'out_and_back', 0, given={effect: 5e-4}))
+    (name,) = closure.effects
+    assert {name, *closure.alternatives[name]} == {'setpoint_delay', 'setpoint_lag'}
+
+
 @pytest.mark.parametrize('recorded', [True, False])
 def test_without_steps_of_the_set_point_it_is_not_said_when_set_points_act(recorded):
     recording = recording_of(draw('setpoint_delay', 'paper_step', 2))
