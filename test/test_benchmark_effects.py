@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from studies.panel import LIBRARY, MAKES, ON_FORCE, benchmark_effects
+from studies.panel import LIBRARY, MAKES, ON_COMMAND, ON_FORCE, WEAK_ON_COMMAND, benchmark_effects
 from studies.panel import document as panel_document
 from studies.panel import rows as panel_rows
 from studies.panel import scores as panel_scores
@@ -79,7 +79,7 @@ def test_pairs_are_listed_both_ways_and_only_within_a_family():
     assert panel_scores.is_listed_pair('droop', 'sensor_lag')
     assert panel_scores.is_listed_pair('sensor_lag', 'droop')
     assert not panel_scores.is_listed_pair('leakage', 'sensor_lag')
-    assert {name for _, names in panel_scores.GROUPS for name in names} <= {*LIBRARY, *ON_FORCE}
+    assert {name for _, names in panel_scores.GROUPS for name in names} <= {*LIBRARY, *ON_FORCE, *ON_COMMAND}
 
 
 def test_effects_that_are_not_visible_do_not_count():
@@ -153,6 +153,7 @@ def test_the_document_has_a_line_for_each_effect():
     rows += [replace(LEAK, kind=kind, effects=('mains_hum',)) for kind in ('foreign',)]
     rows += [replace(LEAK, kind='clean', effects=('coloured',))]
     rows += [RUBS, replace(RUBS, kind='clean_force', effects=(), named=())]
+    rows += [LATE, replace(LATE, kind='weak_command', named=('droop',), not_visible=LATE.effects)]
     how = {'command': 'make benchmark-effects', 'machine': 'a machine'}
     text = panel_document.document(rows, how, '## Notes\n\nBy hand.')
     assert '| `leakage` | 2 | 1 (droop 1) | 1 | 1 | 0 | 0 | 0 / 0 / 0 |' in text
@@ -160,6 +161,9 @@ def test_the_document_has_a_line_for_each_effect():
     assert '| `heat_transfer` | 1 | 0 | 1 | 0 | 0 | 0 | 0 / 0 / 1 |' in text
     assert '| `out_and_back` | `seal_friction` | 1 | 0 | 1 | 1 |' in text
     assert 'Of 1 recordings of devices with no effect 0 get a name, 0 end' in text
+    late = '`out_and_back` | `setpoint_delay` + `setpoint_lag` | 1 |'
+    assert f'| `command` | {late} 100.0 % (1/1; 21 to 100) | 100.0 % (1/1; 21 to 100) | 0 |' in text
+    assert f'| `weak_command` | {late} 0.0 % (0/1; 0 to 79) | 100.0 % (1/1; 21 to 100) | 1 |' in text
     assert 'ValueError: NaN' in text
     assert '1 pairs' in text
     assert 'commit 1234567 (program text abc)' in text
@@ -214,6 +218,43 @@ def test_the_recordings_of_a_run():
     some = panel_rows.jobs_of(['effects', 'foreign'], ['paper_step'], lambda kind, schedule: range(1), ['droop'])
     assert some == [Job('effects', ('droop',), 'paper_step', 0)]
     assert len({frozenset(pair) for pair in panel_rows.PAIRS}) == len(panel_rows.PAIRS) == 171
+
+
+def test_set_points_that_act_late_are_drawn_where_set_points_step():
+    jobs = panel_rows.jobs_of(['command', 'weak_command'], panel_rows.SCHEDULES, lambda kind, schedule: range(2))
+    assert {job.schedule for job in jobs} == {'out_and_back', 'surface_following'}
+    assert {job.effects for job in jobs} == {('setpoint_delay',), ('setpoint_lag',), ('setpoint_delay', 'setpoint_lag')}
+    assert len(jobs) == 2 * 2 * 2 * 3
+    assert panel_rows.given_strengths('command', ('setpoint_lag',), 0) == {}
+    given = [panel_rows.given_strengths('weak_command', tuple(ON_COMMAND), seed) for seed in range(200)]
+    for name in ON_COMMAND:
+        drawn = [strengths[name] for strengths in given]
+        assert WEAK_ON_COMMAND[0] <= min(drawn) < 0.0015
+        assert 0.0100 < max(drawn) <= WEAK_ON_COMMAND[1]
+
+
+LATE = replace(
+    LEAK, kind='command', effects=('setpoint_delay', 'setpoint_lag'), named=('setpoint_delay', 'setpoint_lag')
+)
+
+
+@pytest.mark.parametrize(
+    ('row', 'is_named', 'is_named_or_hidden'),
+    [
+        (LATE, True, True),
+        (replace(LATE, named=('setpoint_lag',)), False, False),
+        (replace(LATE, named=('setpoint_lag',), not_visible=('setpoint_delay',)), False, True),
+        (replace(LATE, named=('droop',), alternatives={'droop': ('setpoint_delay', 'setpoint_lag')}), True, True),
+        (replace(LATE, named=('leakage',), alternatives={'leakage': ('setpoint_delay', 'setpoint_lag')}), False, False),
+        (replace(LATE, named=(), not_visible=('setpoint_delay', 'setpoint_lag')), False, True),
+        (replace(LATE, named=(), not_visible=('setpoint_delay',)), False, False),
+    ],
+)
+def test_each_reason_of_a_late_set_point_is_accounted_for(row, is_named, is_named_or_hidden):
+    assert panel_scores.accounts_for_each(row) is is_named
+    assert panel_scores.accounts_for_each(row, hidden=True) is is_named_or_hidden
+    goals = panel_scores.goals([row, replace(row, kind='weak_command')])
+    assert [goal.met for goal in goals if 'acts' in goal.description] == [is_named, is_named_or_hidden]
 
 
 @pytest.mark.parametrize('effects', [('force_offset',), ()])

@@ -53,7 +53,7 @@ def test_what_is_not_identifiable_is_planned_for(tutorial):
     assert re.search('k_sv +│ not identifiable', said)
     assert 'plan_experiment step/parameters.yaml' in said
     assert 'Cylinder B: Nothing missing.' in said
-    for folder, unseen in ('found', ['line_restriction']), ('next_found', []):
+    for folder, unseen in ('found', ['setpoint_lag', 'setpoint_delay', 'line_restriction']), ('next_found', []):
         report = json.loads((tutorial.folder / folder / 'report.json').read_text())
         assert report['cylinders']['cylinder_b']['not_visible'] == unseen
 

@@ -16,6 +16,7 @@ from cfd_pneumatic.model.effects import FORCE_PARTS, FUNCTIONS, MODULES, PRESSUR
 from cfd_pneumatic.model.places import FORCE_PLACES, FORCE_STATES, PARAMETERS, PLACES, PRESSURES, STATES, Place
 
 _TEMPLATES = Path(__file__).parent
+_RESTS_AT = {'displacement': 'x', 'setpoint': 'target'}  # first state at rest, by the value that the states follow
 
 
 def composed_source() -> str:
@@ -72,10 +73,9 @@ def _rest_values(effects: Sequence[Mapping[str, Any]]) -> dict[int, str]:
     """Return the source of each state's value at rest, by the state's index."""
     resting = dict.fromkeys(range(PRESSURES), 'pressure')
     for effect in effects:
+        first = 'pressure' if effect['rests_at_pressure'] else _RESTS_AT.get(effect['follows'], '0.0')
         for rank, index in enumerate(effect['state_indices']):
-            at_pressure = rank == 0 and effect['rests_at_pressure']
-            at_displacement = effect['follows'] == 'displacement'
-            resting[index] = 'pressure' if at_pressure else 'x' if at_displacement else '0.0'
+            resting[index] = first if rank == 0 else '0.0'
     return resting
 
 

@@ -6,7 +6,7 @@ Eight cylinders that differ only in their parameters are simulated in parallel, 
 its derivatives from them. All numbers that persist between steps are in an array of rows. A row has a number of each
 lane.
 
-Written by `make kernel` from the effects, fingerprint 2f9bf81fae86339d; do not edit.
+Written by `make kernel` from the effects, fingerprint 3c622d49e7883a03; do not edit.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from cfd_pneumatic.model.effects import (
     seal_friction,
     sensor_lag,
     set_point_drift,
+    setpoint_lag,
     stribeck_friction,
     supply_variation,
     valve_dead_band,
@@ -47,54 +48,59 @@ from cfd_pneumatic.model.kernels import inlined, kernel
 from cfd_pneumatic.model.lanes import COUNT, load, load_floats, load_rows, rows_address, store, where
 
 # states: pressures p and p_f, then those of the effects
-Y0, Y1, Y2, Y3, Y4, Y5, Y6, Y7, Y8, Y9, Y10, Y11 = range(0 * COUNT, 12 * COUNT, COUNT)
+Y0, Y1, Y2, Y3, Y4, Y5, Y6, Y7, Y8, Y9, Y10, Y11, Y12 = range(0 * COUNT, 13 * COUNT, COUNT)
 # last displacement that the chamber followed, and last measured displacement [m]
-FOLLOWED, MEASURED = range(12 * COUNT, 14 * COUNT, COUNT)
+FOLLOWED, MEASURED = range(13 * COUNT, 15 * COUNT, COUNT)
 # parameters: gains, then the first parameter of each effect
-K_X, K_SV, K_V, TAU = range(14 * COUNT, 18 * COUNT, COUNT)
-FLOW_SATURATION = 18 * COUNT
-PHYSICAL_CORE = 20 * COUNT
-VOLUME_VARIATION = 32 * COUNT
-OPERATING_POINT = 33 * COUNT
-SET_POINT_DRIFT = 36 * COUNT
-DISPLACEMENT_DELAY = 37 * COUNT
-DISPLACEMENT_LAG = 38 * COUNT
-SUPPLY_VARIATION = 39 * COUNT
-VALVE_HYSTERESIS = 42 * COUNT
-DROOP = 43 * COUNT
-LEAKAGE = 45 * COUNT
-POSITIONAL_LEAKAGE = 47 * COUNT
-TRANSPORT_DELAY = 53 * COUNT
-LOST_MOTION = 54 * COUNT
-SENSOR_LAG = 55 * COUNT
-VALVE_DEAD_BAND = 56 * COUNT
-LINE_RESONANCE = 57 * COUNT
-NONLINEAR_VALVE = 59 * COUNT
-LINE_RESTRICTION = 60 * COUNT
-CURVE = 62 * COUNT
-HEAT_TRANSFER = 86 * COUNT
+K_X, K_SV, K_V, TAU = range(15 * COUNT, 19 * COUNT, COUNT)
+FLOW_SATURATION = 19 * COUNT
+PHYSICAL_CORE = 21 * COUNT
+SETPOINT_LAG = 33 * COUNT
+VOLUME_VARIATION = 34 * COUNT
+OPERATING_POINT = 35 * COUNT
+SET_POINT_DRIFT = 38 * COUNT
+DISPLACEMENT_DELAY = 39 * COUNT
+DISPLACEMENT_LAG = 40 * COUNT
+SUPPLY_VARIATION = 41 * COUNT
+VALVE_HYSTERESIS = 44 * COUNT
+DROOP = 45 * COUNT
+LEAKAGE = 47 * COUNT
+POSITIONAL_LEAKAGE = 49 * COUNT
+SETPOINT_DELAY = 55 * COUNT
+TRANSPORT_DELAY = 56 * COUNT
+LOST_MOTION = 57 * COUNT
+SENSOR_LAG = 58 * COUNT
+VALVE_DEAD_BAND = 59 * COUNT
+LINE_RESONANCE = 60 * COUNT
+NONLINEAR_VALVE = 62 * COUNT
+LINE_RESTRICTION = 63 * COUNT
+CURVE = 65 * COUNT
+HEAT_TRANSFER = 89 * COUNT
 # results of the effects' `hold` functions, constant between samples
-PHYSICAL_CORE_HELD = 87 * COUNT
-# difference of each lane's set-point and the common set-point [Pa]
-OFFSET = 99 * COUNT
+PHYSICAL_CORE_HELD = 90 * COUNT
+# difference of each lane's set-point and the common set-point, and of its pressures at the start and its set-point [Pa]
+OFFSET, START = range(102 * COUNT, 104 * COUNT, COUNT)
 # states and rates of a Runge-Kutta stage, and the weighted sum of the rates
-S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10, S11 = range(100 * COUNT, 112 * COUNT, COUNT)
-K0, K1, K2, K3, K4, K5, K6, K7, K8, K9, K10, K11 = range(112 * COUNT, 124 * COUNT, COUNT)
-SUM = 124 * COUNT
+S0, S1, S2, S3, S4, S5, S6, S7, S8, S9, S10, S11, S12 = range(104 * COUNT, 117 * COUNT, COUNT)
+K0, K1, K2, K3, K4, K5, K6, K7, K8, K9, K10, K11, K12 = range(117 * COUNT, 130 * COUNT, COUNT)
+SUM = 130 * COUNT
 # the piston's displacement [m] and speed [m/s], the set-point [Pa], and the reading of the pressure sensor [Pa]
-X, RATE, SETPOINT, SIGNAL = range(136 * COUNT, 140 * COUNT, COUNT)
+X, RATE, SETPOINT, SIGNAL = range(143 * COUNT, 147 * COUNT, COUNT)
 
-SIZE = 140 * COUNT
+SIZE = 147 * COUNT
 """Length of the array of rows."""
 
-STATE_ROWS = slice(0, 14)
+STATE_ROWS = slice(0, 15)
 """Rows of the states: pressures p and p_f, states of the effects, last followed and last measured displacement."""
 
-PARAMETER_ROWS = slice(14, 87)
+PARAMETER_ROWS = slice(15, 90)
 """Rows of the parameters: the gains, then those of the effects."""
 
 OFFSET_ROW = OFFSET // COUNT
 """Row of the differences of each lane's set-point and the common set-point [Pa]."""
+
+START_ROW = START // COUNT
+"""Row of the differences of each lane's pressures at the start and its set-point [Pa]."""
 
 SIGNAL_ROW = SIGNAL // COUNT
 """Row of the readings of the pressure sensor [Pa]."""
@@ -140,14 +146,16 @@ def hold(time, ambient, w, on):
 def valve_error(moment, w, on):
     """Return the valve error, from the set-point with effects [Pa]."""
     target = moment.setpoint
-    if on & 16:
+    if on & 4:
+        target = setpoint_lag.setpoint(target, moment, load(w, S3), *load_rows(w, SETPOINT_LAG, 1))
+    if on & 32:
         target = set_point_drift.setpoint(target, moment, *load_rows(w, SET_POINT_DRIFT, 1))
-    if on & 128:
+    if on & 256:
         target = supply_variation.setpoint(target, moment, *load_rows(w, SUPPLY_VARIATION, 3))
-    if on & 512:
-        target = droop.setpoint(target, moment, load(w, S4), *load_rows(w, DROOP, 2))
-    if on & 524288:
-        target = curve.setpoint(target, moment, load(w, S10), *load_rows(w, CURVE, 24))
+    if on & 1024:
+        target = droop.setpoint(target, moment, load(w, S5), *load_rows(w, DROOP, 2))
+    if on & 2097152:
+        target = curve.setpoint(target, moment, load(w, S11), *load_rows(w, CURVE, 24))
     return target - moment.p_f
 
 
@@ -162,72 +170,72 @@ def compute_rates(time, ambient, w, on):
     gain = load(w, K_X)
     if on & 2:
         gain = physical_core.velocity_gain(gain, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-    if on & 4:
-        gain = volume_variation.velocity_gain(gain, moment, *load_rows(w, VOLUME_VARIATION, 1))
     if on & 8:
+        gain = volume_variation.velocity_gain(gain, moment, *load_rows(w, VOLUME_VARIATION, 1))
+    if on & 16:
         gain = operating_point.velocity_gain(gain, moment, *load_rows(w, OPERATING_POINT, 3))
-    if on & 524288:
-        gain = curve.velocity_gain(gain, moment, load(w, S10), *load_rows(w, CURVE, 24))
+    if on & 2097152:
+        gain = curve.velocity_gain(gain, moment, load(w, S11), *load_rows(w, CURVE, 24))
     swept = gain * moment.rate
     moment = make_moment(time, p, p_f, swept, zero, ambient, w, dense)
     error = valve_error(moment, w, on)
     if on & 2:
         error = physical_core.error(error, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-    if on & 256:
-        error = valve_hysteresis.error(error, moment, load(w, S3), *load_rows(w, VALVE_HYSTERESIS, 1))
-    if on & 32768:
-        error = valve_dead_band.error(error, moment, *load_rows(w, VALVE_DEAD_BAND, 1))
+    if on & 512:
+        error = valve_hysteresis.error(error, moment, load(w, S4), *load_rows(w, VALVE_HYSTERESIS, 1))
     if on & 131072:
+        error = valve_dead_band.error(error, moment, *load_rows(w, VALVE_DEAD_BAND, 1))
+    if on & 524288:
         error = nonlinear_valve.error(error, moment, *load_rows(w, NONLINEAR_VALVE, 1))
     flow = where(error > 0.0, load(w, K_SV), load(w, K_V)) * error
     if on & 1:
         flow = flow_saturation.flow(flow, moment, *load_rows(w, FLOW_SATURATION, 2))
     if on & 2:
         flow = physical_core.flow(flow, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-    if on & 4:
-        flow = volume_variation.flow(flow, moment, *load_rows(w, VOLUME_VARIATION, 1))
     if on & 8:
+        flow = volume_variation.flow(flow, moment, *load_rows(w, VOLUME_VARIATION, 1))
+    if on & 16:
         flow = operating_point.flow(flow, moment, *load_rows(w, OPERATING_POINT, 3))
-    if on & 262144:
-        store(w, K9, line_restriction.evolve(moment, flow, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2)))
-        flow = line_restriction.flow(flow, moment, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2))
-    if on & 524288:
-        store(w, K10, curve.evolve(moment, flow, load(w, S10), *load_rows(w, CURVE, 24)))
-        flow = curve.flow(flow, moment, load(w, S10), *load_rows(w, CURVE, 24))
     if on & 1048576:
-        flow = heat_transfer.flow(flow, moment, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1))
-    if on & 512:
-        store(w, K4, droop.evolve(moment, flow, load(w, S4), *load_rows(w, DROOP, 2)))
+        store(w, K10, line_restriction.evolve(moment, flow, load(w, S10), *load_rows(w, LINE_RESTRICTION, 2)))
+        flow = line_restriction.flow(flow, moment, load(w, S10), *load_rows(w, LINE_RESTRICTION, 2))
+    if on & 2097152:
+        store(w, K11, curve.evolve(moment, flow, load(w, S11), *load_rows(w, CURVE, 24)))
+        flow = curve.flow(flow, moment, load(w, S11), *load_rows(w, CURVE, 24))
+    if on & 4194304:
+        flow = heat_transfer.flow(flow, moment, load(w, S12), *load_rows(w, HEAT_TRANSFER, 1))
+    if on & 1024:
+        store(w, K5, droop.evolve(moment, flow, load(w, S5), *load_rows(w, DROOP, 2)))
     outlet = p
-    if on & 262144:
-        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S9), *load_rows(w, LINE_RESTRICTION, 2))
+    if on & 1048576:
+        outlet = line_restriction.outlet(outlet, moment, flow, load(w, S10), *load_rows(w, LINE_RESTRICTION, 2))
     tau = load(w, TAU)
     if on & 2:
         tau = physical_core.time_constant(tau, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-    if on & 8:
+    if on & 16:
         tau = operating_point.time_constant(tau, moment, *load_rows(w, OPERATING_POINT, 3))
     sensing = (outlet - p_f) / tau
     moment = make_moment(time, p, p_f, swept, sensing, ambient, w, dense)
     chamber = flow - swept
-    if on & 1024:
-        chamber = leakage.chamber(chamber, moment, *load_rows(w, LEAKAGE, 2))
     if on & 2048:
+        chamber = leakage.chamber(chamber, moment, *load_rows(w, LEAKAGE, 2))
+    if on & 4096:
         chamber = positional_leakage.chamber(chamber, moment, *load_rows(w, POSITIONAL_LEAKAGE, 6))
-    if on & 524288:
-        chamber = curve.chamber(chamber, moment, load(w, S10), *load_rows(w, CURVE, 24))
+    if on & 2097152:
+        chamber = curve.chamber(chamber, moment, load(w, S11), *load_rows(w, CURVE, 24))
     if on & 2:
         store(w, K2, physical_core.evolve(moment, chamber, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12)))
         chamber = physical_core.chamber(chamber, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-    if on & 1048576:
-        store(w, K11, heat_transfer.evolve(moment, chamber, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1)))
-        chamber = heat_transfer.chamber(chamber, moment, load(w, S11), *load_rows(w, HEAT_TRANSFER, 1))
+    if on & 4194304:
+        store(w, K12, heat_transfer.evolve(moment, chamber, load(w, S12), *load_rows(w, HEAT_TRANSFER, 1)))
+        chamber = heat_transfer.chamber(chamber, moment, load(w, S12), *load_rows(w, HEAT_TRANSFER, 1))
     signal = p
-    if on & 16384:
-        store(w, K6, sensor_lag.evolve(moment, signal, load(w, S6), *load_rows(w, SENSOR_LAG, 1)))
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *load_rows(w, SENSOR_LAG, 1))
     if on & 65536:
-        store(w, K7, line_resonance.evolve(moment, signal, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2)))
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2))
+        store(w, K7, sensor_lag.evolve(moment, signal, load(w, S7), *load_rows(w, SENSOR_LAG, 1)))
+        signal = sensor_lag.signal(signal, moment, load(w, S7), *load_rows(w, SENSOR_LAG, 1))
+    if on & 262144:
+        store(w, K8, line_resonance.evolve(moment, signal, load(w, S8), load(w, S9), *load_rows(w, LINE_RESONANCE, 2)))
+        signal = line_resonance.signal(signal, moment, load(w, S8), load(w, S9), *load_rows(w, LINE_RESONANCE, 2))
     store(w, K0, chamber)
     store(w, K1, sensing)
 
@@ -250,19 +258,19 @@ def advance_states(h, stage, w, on):
     advance_state(Y1, h, stage, w)
     if on & 2:
         advance_state(Y2, h, stage, w)
-    if on & 512:
-        advance_state(Y4, h, stage, w)
-    if on & 16384:
-        advance_state(Y6, h, stage, w)
+    if on & 1024:
+        advance_state(Y5, h, stage, w)
     if on & 65536:
         advance_state(Y7, h, stage, w)
-        advance_state(Y8, h, stage, w)
     if on & 262144:
+        advance_state(Y8, h, stage, w)
         advance_state(Y9, h, stage, w)
-    if on & 524288:
-        advance_state(Y10, h, stage, w)
     if on & 1048576:
+        advance_state(Y10, h, stage, w)
+    if on & 2097152:
         advance_state(Y11, h, stage, w)
+    if on & 4194304:
+        advance_state(Y12, h, stage, w)
 
 
 @inlined
@@ -279,20 +287,24 @@ def advance(time, h, steps, acceleration, ambient, w, on):
         rate = load(w, RATE)
         store(w, X, load(w, X) + passed * (rate + 0.5 * passed * acceleration))
         store(w, RATE, rate + passed * acceleration)
+        if passed > 0.0 and on & 4:
+            followed = setpoint_lag.follow(passed, load(w, SETPOINT), load(w, S3), *load_rows(w, SETPOINT_LAG, 1))
+            store(w, Y3, followed)
+            store(w, S3, followed)
         update_backlash_valve_hysteresis(time, stage, ambient, w, on)
 
 
 @inlined
 def update_backlash_valve_hysteresis(time, stage, ambient, w, on):
     """Set the state of a backlash of the valves after the last stage of a step."""
-    if stage == 3 and on & 256:
+    if stage == 3 and on & 512:
         moment = initial_moment(time, load(w, S0), load(w, S1), ambient, w)
         error = valve_error(moment, w, on)
         if on & 2:
             error = physical_core.error(error, moment, load(w, S2), *load_rows(w, PHYSICAL_CORE_HELD, 12))
-        error = valve_hysteresis.error(error, moment, load(w, S3), *load_rows(w, VALVE_HYSTERESIS, 1))
-        store(w, Y3, error)
-        store(w, S3, error)
+        error = valve_hysteresis.error(error, moment, load(w, S4), *load_rows(w, VALVE_HYSTERESIS, 1))
+        store(w, Y4, error)
+        store(w, S4, error)
 
 
 @kernel
@@ -305,13 +317,13 @@ def start_motion(time, x, h, ambient, numbers, on):
     store(w, X, x)
     chamber_x = load(w, X)
     moment = initial_moment(time, load(w, Y0), load(w, Y1), ambient, w)
-    if on & 32:
-        chamber_x = displacement_delay.displacement(chamber_x, moment, *load_rows(w, DISPLACEMENT_DELAY, 1))
     if on & 64:
+        chamber_x = displacement_delay.displacement(chamber_x, moment, *load_rows(w, DISPLACEMENT_DELAY, 1))
+    if on & 128:
         chamber_x = displacement_lag.displacement(chamber_x, moment, *load_rows(w, DISPLACEMENT_LAG, 1))
-    if on & 8192:
-        chamber_x = lost_motion.displacement(chamber_x, moment, load(w, Y5), *load_rows(w, LOST_MOTION, 1))
-        store(w, Y5, chamber_x)
+    if on & 32768:
+        chamber_x = lost_motion.displacement(chamber_x, moment, load(w, Y6), *load_rows(w, LOST_MOTION, 1))
+        store(w, Y6, chamber_x)
     store(w, RATE, (chamber_x - last) / h)
     store(w, X, last)
     store(w, FOLLOWED, chamber_x)
@@ -323,25 +335,26 @@ def read_sensor(time, ambient, numbers, on):
     w = rows_address(numbers)
     moment = initial_moment(time, load(w, S0), load(w, S1), ambient, w)
     signal = moment.p
-    if on & 16384:
-        signal = sensor_lag.signal(signal, moment, load(w, S6), *load_rows(w, SENSOR_LAG, 1))
     if on & 65536:
-        signal = line_resonance.signal(signal, moment, load(w, S7), load(w, S8), *load_rows(w, LINE_RESONANCE, 2))
-    if on & 524288:
-        signal = curve.signal(signal, moment, load(w, S10), *load_rows(w, CURVE, 24))
+        signal = sensor_lag.signal(signal, moment, load(w, S7), *load_rows(w, SENSOR_LAG, 1))
+    if on & 262144:
+        signal = line_resonance.signal(signal, moment, load(w, S8), load(w, S9), *load_rows(w, LINE_RESONANCE, 2))
+    if on & 2097152:
+        signal = curve.signal(signal, moment, load(w, S11), *load_rows(w, CURVE, 24))
     store(w, SIGNAL, signal)
 
 
 @kernel
 def set_to_rest(x, setpoint, numbers):
-    """Set the states to rest at a displacement [m] and a set-point [Pa], with the offset of each lane."""
+    """Set the states to rest at a displacement [m] and a set-point [Pa], with the offset and the start of each lane."""
     w = rows_address(numbers)
-    pressure = setpoint + load(w, OFFSET)
-    states = pressure, pressure, 0.0, 0.0, 0.0, x, pressure, pressure, 0.0, 0.0, 0.0, 0.0
+    target = setpoint + load(w, OFFSET)
+    pressure = setpoint + (load(w, OFFSET) + load(w, START))
+    states = pressure, pressure, 0.0, target, 0.0, 0.0, x, pressure, pressure, 0.0, 0.0, 0.0, 0.0
     store(w, Y0, states)
     store(w, S0, states)
     store(w, FOLLOWED, (x, x))
-    store(w, X, (x, 0.0, pressure))
+    store(w, X, (x, 0.0, target))
 
 
 @kernel

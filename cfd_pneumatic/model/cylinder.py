@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -51,6 +51,44 @@ class Readings(NamedTuple):
         return Readings(self.times[first:], self.readings[first:])
 
 
+class Commands(NamedTuple):
+    """Commanded set-points of the last samples, as far back as a set-point delay reaches."""
+
+    begins: tuple[float, ...]
+    """Times since the start from which each set-point was commanded [s]."""
+
+    setpoints: tuple[float, ...]
+    """Absolute set-points [Pa]."""
+
+    def with_command(self, time: float, setpoint: float) -> Commands:
+        """Return the commands with the set-point that is commanded from a time [s] on [Pa]."""
+        if setpoint == self.setpoints[-1]:
+            return self
+        return Commands((*self.begins, time), (*self.setpoints, setpoint))
+
+    def needed_from(self, time: float) -> Commands:
+        """Return the commands without set-points that were replaced before a time [s]."""
+        first = self._index(time)
+        return Commands(self.begins[first:], self.setpoints[first:])
+
+    def delayed(self, delay: float, movement: Movement) -> Iterator[tuple[Movement, float]]:
+        """Yield the pieces of a movement at the commands of `delay` seconds before; the first command was always on."""
+        time, end = movement.time - movement.duration, movement.time
+        x, rate = movement.begin, movement.rate
+        index = self._index(time - delay)
+        while time < end:
+            following = self.begins[index + 1] + delay if index + 1 < len(self.begins) else end
+            until = min(following, end)
+            until_x = movement.end if until == end else movement.begin + rate * (until - end + movement.duration)
+            if until > time:
+                yield Movement(until, until - time, x, until_x), self.setpoints[index]
+            time, x, index = max(time, until), until_x, index + 1
+
+    def _index(self, time: float) -> int:
+        """Return the index of the set-point that was commanded at a time [s]."""
+        return max(bisect_right(self.begins, time) - 1, 0)
+
+
 class CylinderState(NamedTuple):
     """
     State of a cylinder.
@@ -65,6 +103,8 @@ class CylinderState(NamedTuple):
         Undelayed readings, while the effect of a transport delay is on.
     delayed
         Delayed reading, while the effect of a transport delay is on [Pa].
+    commands
+        Commanded set-points, while the effect of a set-point delay is on.
 
     """
 
@@ -73,6 +113,7 @@ class CylinderState(NamedTuple):
     extended: ExtendedState | None = None
     track: Readings | None = None
     delayed: float | None = None
+    commands: Commands | None = None
 
     @classmethod
     def at_rest(cls, setpoint: float) -> CylinderState:
@@ -134,20 +175,28 @@ class Cylinder:
     @lazy_property
     def delay(self) -> float | None:
         """Delay of the reading by an effect [s], None without such an effect; a negative delay looks ahead."""
+        return self._delay_of('reading')
+
+    @lazy_property
+    def setpoint_delay(self) -> float | None:
+        """Delay of the set-point by an effect [s], None without such an effect."""
+        return self._delay_of('setpoint')
+
+    def _delay_of(self, signal: str) -> float | None:
         return next(
-            (parameters[0] for name, parameters in self.effects.items() if PRESSURE_PARTS[name].late == 'reading'), None
+            (parameters[0] for name, parameters in self.effects.items() if PRESSURE_PARTS[name].late == signal), None
         )
 
     def at_rest(self, setpoint: float, x: float) -> CylinderState:
         """Return the equilibrium at an absolute set-point [Pa], the piston resting at a displacement [m]."""
+        commands = None if self.setpoint_delay is None else Commands((-math.inf,), (setpoint,))
         setpoint += self.setpoint_offset
         state = CylinderState.at_rest(setpoint)
         if not self.effects:
             return state
-        gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
-        cylinder = _extended(gains, self._effects, self.ambient_pressure)
+        cylinder = self._cylinder_at(setpoint)
         begin = cylinder.begin(state.p, state.p_f, x)
-        return state._replace(extended=replace(begin, reading=cylinder.read(begin, 0.0)))
+        return state._replace(extended=replace(begin, reading=cylinder.read(begin, 0.0)), commands=commands)
 
     def step(self, state: CylinderState, movement: Movement, setpoint: float) -> CylinderState:
         """
@@ -155,7 +204,8 @@ class Cylinder:
 
         Pressures are continuous; an effect that was not on in `state` starts at rest. A transport delay returns an
         earlier reading, linear between samples, and the first reading until the delay is over. A negative delay
-        extrapolates the reading linearly from this step.
+        extrapolates the reading linearly from this step. A set-point delay splits the movement where an earlier
+        set-point begins to act; before the first step of `state` the set-point was constant.
 
         Parameters
         ----------
@@ -167,18 +217,35 @@ class Cylinder:
             Absolute set-point during the movement [Pa].
 
         """
-        setpoint += self.setpoint_offset
-        gains = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
         if not self.effects:
+            setpoint += self.setpoint_offset
+            gains = self._gains_at(setpoint)
             return CylinderState(*advance(state.p, state.p_f, movement.duration, movement.rate, setpoint, *gains))
-        cylinder = _extended(gains, self._effects, self.ambient_pressure)
-        begin = cylinder.begin(state.p, state.p_f, movement.begin, state.extended)
-        end = cylinder.step(begin, movement, setpoint)
-        after = CylinderState(end.p, end.p_f, end)
+        began = movement.time - movement.duration
+        commands, pieces = None, [(movement, setpoint)]
+        if self.setpoint_delay is not None:
+            commands = (state.commands or Commands((-math.inf,), (setpoint,))).with_command(began, setpoint)
+            pieces = list(commands.delayed(self.setpoint_delay, movement))
+            commands = commands.needed_from(movement.time - self.setpoint_delay)
+        acting = pieces[0][1] + self.setpoint_offset
+        cylinder = self._cylinder_at(acting)
+        begin = end = cylinder.begin(state.p, state.p_f, movement.begin, state.extended, acting)
+        for piece, level in pieces:
+            acting = level + self.setpoint_offset
+            end = self._cylinder_at(acting).step(end, piece, acting)
+        after = CylinderState(end.p, end.p_f, end, commands=commands)
         if self.delay is None:
             return after
-        began = movement.time - movement.duration
         return _with_delayed_reading(after, self.delay, movement, cylinder.read(begin, began), state.track)
+
+    def _gains_at(self, setpoint: float) -> tuple[float, ...]:
+        """Return the gains at an absolute set-point [Pa]."""
+        gains: tuple[float, ...] = interpolate_gains(self.parameters.table, setpoint - self.ambient_pressure)
+        return gains
+
+    def _cylinder_at(self, setpoint: float) -> ExtendedCylinder:
+        """Return the cylinder with effects and the gains at an absolute set-point [Pa]."""
+        return _extended(self._gains_at(setpoint), self._effects, self.ambient_pressure)
 
     def simulate(self, times: Array, displacement: Array, setpoint: Array, state: CylinderState | None = None) -> Array:
         """

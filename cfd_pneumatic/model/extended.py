@@ -19,6 +19,7 @@ from cfd_pneumatic.model.composed import (
     S0,
     SIGNAL_ROW,
     SIZE,
+    START_ROW,
     STATE_ROWS,
     propagate,
     read_sensor,
@@ -130,7 +131,7 @@ class ExtendedCylinder:
     """
     Equations (8) and (12) at constant gains, with effects.
 
-    A transport delay is not simulated here: the caller shifts the readings.
+    Delays of the reading and of the set-point are not simulated here: the caller shifts readings and set-points.
 
     Attributes
     ----------
@@ -175,7 +176,9 @@ class ExtendedCylinder:
         """Time in which a charging regulator settles at a rest below the set-point [s]."""
         return min(_SETTLED * charging_time(self.gains), _LONGEST_SETTLING)
 
-    def begin(self, p: float, p_f: float, x: float, before: ExtendedState | None = None) -> ExtendedState:
+    def begin(
+        self, p: float, p_f: float, x: float, before: ExtendedState | None = None, setpoint: float | None = None
+    ) -> ExtendedState:
         """
         Return the state before a step.
 
@@ -187,6 +190,8 @@ class ExtendedCylinder:
             Displacement that grows the chamber [m].
         before
             Last state, maybe with different effects: effects that stay on continue from it; new effects start at rest.
+        setpoint
+            Absolute set-point at which new effects rest [Pa]; by default `p`.
 
         """
         effects = frozenset(self.effects)
@@ -196,6 +201,9 @@ class ExtendedCylinder:
         set_to_rest(x, p, numbers)
         values = _rows(numbers)[STATE_ROWS, 0].copy()
         values[1] = p_f
+        for name in effects:
+            if PRESSURE_PARTS[name].follows == 'setpoint':
+                values[PLACES[name].states.start] = p if setpoint is None else setpoint
         if before is not None:
             for name in effects & before.effects:
                 states = PLACES[name].states
@@ -391,9 +399,8 @@ class SideBySide:
         numbers = np.zeros(SIZE)
         rows = _rows(numbers)
         rows[PARAMETER_ROWS] = self._parameters[lanes].T
-        rows[OFFSET_ROW] = self._offsets[lanes] + self._starts[lanes]
+        rows[OFFSET_ROW], rows[START_ROW] = self._offsets[lanes], self._starts[lanes]
         set_to_rest(displacement, setpoint, numbers)
-        rows[OFFSET_ROW] = self._offsets[lanes]
         if self._settles:
             cylinder = self._cylinder
             settle(setpoint, cylinder.settling, cylinder.ambient_pressure, self._stiffness, numbers, self._on)

@@ -197,7 +197,7 @@ def _signatures(planned_channel: Planned) -> Signatures:
     channel = complement.likelihood.channel
     strength = STRENGTH * planned_channel.noise
     known = channel.data([planned_channel.experiment], model, [planned_channel.experiment.measured])
-    data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0}
+    data = {**known, 'residual': strength, 'mean': strength, 'lag': 0.0, 'setpoint_lag': 0.0}
     missing = channel.candidates(model)
     hidden = tuple(
         effect for effect in missing if channel.unidentifiable([planned_channel.experiment], effect) is not None

@@ -2,9 +2,9 @@
 """
 Physical effects that a healthy device lacks, by their strengths; no effect acts by default.
 
-Flows and valves are simulated in `physics`, disturbances of the set pressure in `rig`, lines and sensors in
-`transmission`. References are Richer and Hurmuzlu (2000) for lines and valves, Carneiro and de Almeida (2006) for heat,
-ISO 6358-1:2013 for orifices.
+Flows and valves are simulated in `physics`, the path of a command in `command`, disturbances of the set pressure in
+`rig`, lines and sensors in `transmission`. References are Richer and Hurmuzlu (2000) for lines and valves, Carneiro and
+de Almeida (2006) for heat, ISO 6358-1:2013 for orifices.
 """
 
 from __future__ import annotations
@@ -71,6 +71,12 @@ class Effects(NamedTuple):
 
     stirring: float = 0.0
     """Relative increase of the heat flow for each metre per second of the piston [s/m]."""
+
+    command_dead_time: float = 0.0
+    """Dead time between the commanded and the acting set pressure [s]."""
+
+    command_lag: float = 0.0
+    """Time constant with which the acting set pressure follows the command [s]."""
 
     drift: float = 0.0
     """Drift of the set pressure [Pa/s]."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.rig import physics
+from cfd_pneumatic.rig.command import CommandPath
 from cfd_pneumatic.rig.effects import Effects
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.parameters import RigParameters, checked
@@ -44,7 +45,7 @@ class Truth:
     """Absolute pressure in the regulators' control chambers [Pa], (n, 2)."""
 
     setpoints: Array
-    """Absolute set pressure of the regulators until each time [Pa], (n, 2)."""
+    """Absolute set pressure that is commanded to the regulators until each time [Pa], (n, 2)."""
 
     force: Array
     """Force on the workpiece along +x [N], (n,)."""
@@ -99,6 +100,7 @@ class Rig:
             physics.CylinderState(pressure, pressure, pressure, parameters.air.temperature, 0.0, 0.0, 0.0, 0.0)
             for pressure in resting
         ]
+        self._commands = [CommandPath(pressure) for pressure in resting.tolist()]
         self._stretch = 0.0
         self.time = time
         self.position = float(self._reachable(np.array([position]))[0])
@@ -143,7 +145,7 @@ class Rig:
             self._stretch,
             x,
             v,
-            _disturbed(levels, times - 0.5 * period, self.parameters),
+            _disturbed(self._acting(levels, period), times - 0.5 * period, self.parameters),
             period,
             steps,
             self.parameters,
@@ -162,6 +164,12 @@ class Rig:
             setpoints=levels,
             force=forces,
         )
+
+    def _acting(self, commands: Array, period: float) -> Array:
+        """Return the set pressures that act on both cylinders from the commanded ones [Pa], (n, 2)."""
+        effects = (self.parameters.effects_a, self.parameters.effects_b)
+        acting = [self._commands[index].carry(commands[:, index], period, effects[index]) for index in range(2)]
+        return np.ascontiguousarray(np.column_stack(acting))
 
     def _reachable(self, positions: Array) -> Array:
         travel = self.parameters.piston.travel

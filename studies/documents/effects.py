@@ -105,7 +105,7 @@ def _opening() -> Iterator[str]:
 def _place(name: str) -> str:
     """Return the quantities that an effect changes."""
     places = [text.split(';')[0] for function, text in FUNCTIONS.items() if hasattr(MODULES[name], function)]
-    return '; '.join(places) or 'time at which the pressure is read [s]'
+    return '; '.join(places) or TIMES[EFFECTS[name].late]
 
 
 def _section(name: str) -> Iterator[str]:
@@ -184,6 +184,9 @@ AXES = {
     'valve error': ('set-point less pressure [kPa]', 1e3),
 }
 """Axis label, and the label's unit in SI, of each signal to plot against."""
+
+TIMES = {'reading': 'time at which the pressure is read [s]', 'setpoint': 'time at which the set-point acts [s]'}
+"""Time that a delay without a function changes, by the late signal."""
 
 STYLE = {
     'svg.fonttype': 'none',

@@ -26,7 +26,7 @@ from studies.panel.floors import (
 )
 from studies.panel.makes import MAKES, OWN_WAYS
 from studies.panel.strange import CLASSES, STRANGE, STRANGE_FORCE
-from studies.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_FORCE
+from studies.panel.strengths import EFFECTS, FOREIGN, LIBRARY, ON_COMMAND, ON_FORCE, WEAK_ON_COMMAND
 from studies.panel.textbook import Gains
 
 __all__ = [
@@ -36,10 +36,12 @@ __all__ = [
     'LIBRARY',
     'MAKES',
     'NOISES',
+    'ON_COMMAND',
     'ON_FORCE',
     'OWN_WAYS',
     'STRANGE',
     'STRANGE_FORCE',
+    'WEAK_ON_COMMAND',
     'Draw',
     'Gains',
     'baseline_rmse',

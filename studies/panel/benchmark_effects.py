@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cfd_pneumatic.files import write_text
 from studies.documents.markdown import notes_in
-from studies.panel import FOREIGN, LIBRARY, NOISES, ON_FORCE
+from studies.panel import FOREIGN, LIBRARY, NOISES, ON_COMMAND, ON_FORCE
 from studies.panel.document import document
 from studies.panel.rows import FIRST_SEED, FIRST_WHOLE_SEED, KINDS, SCHEDULES, WHOLE_KINDS, jobs_of, read_rows, run
 from studies.panel.scores import goals
@@ -32,6 +32,8 @@ SEEDS = {
     'clean_force': ((40, 40, 20), (5, 5, 2)),
     'whole': ((7, 14, 14), (0, 1, 1)),
     'healthy_whole': ((70, 70, 70), (7, 7, 7)),
+    'command': ((0, 10, 10), (0, 1, 1)),
+    'weak_command': ((0, 10, 10), (0, 1, 1)),
 }
 """Number of seeds by kind and schedule, in a full run and in a quick run: for each effect or noise, or of pairs."""
 DOCUMENT = ROOT / 'docs' / 'measurements' / 'effects_panel.md'
@@ -80,7 +82,7 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         '--effects',
         nargs='+',
-        choices=(*LIBRARY, *ON_FORCE, *FOREIGN, *NOISES),
+        choices=(*LIBRARY, *ON_FORCE, *ON_COMMAND, *FOREIGN, *NOISES),
         metavar='EFFECT',
         help='only these effects, and pairs of them; for the kind clean: kinds of noise',
     )

@@ -13,11 +13,12 @@ import numpy as np
 
 from studies.documents.markdown import NOTES, table
 from studies.panel import FOREIGN, LIBRARY, MAKES, NOISES, ON_FORCE, OWN_WAYS
-from studies.panel.rows import FIRST_SEED, KINDS, ON_WHOLE, SCHEDULES, VISIBLE, Row, make_of
+from studies.panel.rows import COMMAND_KINDS, FIRST_SEED, KINDS, ON_WHOLE, SCHEDULES, VISIBLE, Row, make_of
 from studies.panel.scores import (
     GROUPS,
     RIGHT,
     WHOLE_TOLERANCE,
+    accounts_for_each,
     answer,
     found_both,
     found_exactly,
@@ -236,6 +237,33 @@ def _force(clean: Sequence[Row]) -> str:
     )
 
 
+COMMAND = (
+    'Set-points that act late by a dead time, a lag, or both: 15 to 60 ms each (`command`), or 1 to 15 ms '
+    '(`weak_command`). *Named*: each effect is among the names or a listed alternative to a name. *Or not visible*: '
+    'each effect is named, or the loop lists it as not visible. *Another name*: a name outside of the true effects.'
+)
+
+
+def _command(rows: Sequence[Row]) -> Iterator[Line]:
+    """Yield a line for each kind, schedule and combination of effects."""
+    cases = dict.fromkeys((row.kind, row.schedule, row.effects) for row in rows)
+    for case in sorted(cases, key=lambda case: (COMMAND_KINDS.index(case[0]), SCHEDULES.index(case[1]), case[2])):
+        matching = [row for row in rows if (row.kind, row.schedule, row.effects) == case]
+        wrongly_named = [row for row in matching if set(row.named) - set(row.effects)]
+        yield {
+            'kind': f'`{case[0]}`',
+            'schedule': f'`{case[1]}`',
+            'effects': ' + '.join(f'`{name}`' for name in case[2]),
+            'draws': len(matching),
+            'named': share(matching, accounts_for_each),
+            'or not visible': share(matching, partial(accounts_for_each, hidden=True)),
+            'another name': len(wrongly_named),
+            '`unexplained`': sum(map(is_unexplained, matching)),
+            'before': _quantiles(row.before_test for row in matching),
+            'after': _quantiles(row.after_test for row in matching),
+        }
+
+
 WHOLE = (
     'By make; *own*: more than two orifices, a laminar tube and a polytropic chamber with walls. *Visible*: the RMSE '
     f'of the refitted core is more than {VISIBLE} times the oracle floor. *Whole*: the right effect is the only name, '
@@ -311,6 +339,7 @@ def _tables(rows: Sequence[Row]) -> Iterator[tuple[str, str, Sequence[Line]]]:
     yield 'Pairs of which not both were found', text, [_missed(row) for row in not_both_found]
     lines = _lines(rows_of('force'), by_effect, product(SCHEDULES, ON_FORCE), _by_answer)
     yield 'The contact force', _force(rows_of('clean_force')), lines
+    yield 'Set-points that act late', COMMAND, [*_command([row for row in rows if row.kind in COMMAND_KINDS])]
     of_makes = [*rows_of('whole'), *rows_of('healthy_whole')]
     yield 'Devices with all of their physics', WHOLE, [_whole(of_makes, make) for make in MAKES if of_makes]
     lines = _lines(rows_of('whole'), by_effect, product([*SCHEDULES, ALL], [*ON_WHOLE, ALL]), _by_answer)

@@ -30,7 +30,9 @@ from studies.panel import (
     LIBRARY,
     MAKES,
     NOISES,
+    ON_COMMAND,
     ON_FORCE,
+    WEAK_ON_COMMAND,
     Draw,
     draw,
     draw_textbook,
@@ -46,12 +48,18 @@ ON_FORCE_KINDS = ('force', 'clean_force')
 WHOLE_KINDS = ('whole', 'healthy_whole')
 """Devices with full physics, with an effect and healthy."""
 
-KINDS = ('effects', 'foreign', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS)
+COMMAND_KINDS = ('command', 'weak_command')
+"""Set-points that act late; strengths of the second kind are in the range `WEAK_ON_COMMAND`."""
+
+KINDS = ('effects', 'foreign', 'clean', 'pairs', *ON_FORCE_KINDS, *WHOLE_KINDS, *COMMAND_KINDS)
 
 ON_WHOLE = tuple(name for name in LIBRARY if not any(name in core.covers for core in CORES.values()))
 """Effects that are not part of the full physics."""
 
 SCHEDULES = ('paper_step', 'out_and_back', 'surface_following')
+
+WITHOUT_SETPOINT_STEPS = ('paper_step',)
+"""Schedules that cannot show a set-point that acts late."""
 
 FIRST_SEED = 1000
 """First seed of the report; 0 to 99 were used for development."""
@@ -90,6 +98,8 @@ class Row:
         Verdict of the loop; 'refused' if the identification failed; 'not_drawn' if two effects exclude each other.
     named, alternatives
         Effects that the loop named, and the alternatives to each.
+    not_visible
+        Effects that the loop listed as not visible.
     before, after
         Errors on the whole recording. `before` is the error of the physical core for devices with full physics.
     before_test, after_test
@@ -118,6 +128,7 @@ class Row:
     verdict: str
     named: tuple[str, ...] = ()
     alternatives: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    not_visible: tuple[str, ...] = ()
     before: float = math.nan
     after: float = math.nan
     before_test: float = math.nan
@@ -163,9 +174,13 @@ def jobs_of(
     """Return the recordings of a run by seed, so that a stopped run has recordings of each kind."""
     jobs = []
     for kind, schedule in itertools.product(kinds, schedules):
+        if kind in COMMAND_KINDS and schedule in WITHOUT_SETPOINT_STEPS:
+            continue
         for seed in seeds(kind, schedule):
             if kind == 'pairs':
                 subjects: list[tuple[str, ...]] = [PAIRS[seed % len(PAIRS)]]
+            elif kind in COMMAND_KINDS:
+                subjects = [*((name,) for name in ON_COMMAND), tuple(ON_COMMAND)]
             else:
                 names = _EFFECTS_OF_KIND.get(kind, LIBRARY)
                 subjects = [()] if kind in ('clean_force', 'healthy_whole') else [(name,) for name in names]
@@ -181,7 +196,13 @@ def measure(job: Job) -> Row:
         if job.kind == 'clean':
             drawn = draw_textbook(job.schedule, job.seed, job.effects[0])
         else:
-            drawn = draw(job.effects, job.schedule, job.seed, make=make_of(job.kind, job.seed))
+            drawn = draw(
+                job.effects,
+                job.schedule,
+                job.seed,
+                given=given_strengths(job.kind, job.effects, job.seed),
+                make=make_of(job.kind, job.seed),
+            )
     except InputError as error:
         return Row(*job, verdict='not_drawn', why=str(error))
     try:
@@ -193,6 +214,15 @@ def measure(job: Job) -> Row:
 def make_of(kind: str, seed: int) -> str | None:
     """Return the make of a device with full physics; None if the device follows the paper's model."""
     return list(MAKES)[seed % len(MAKES)] if kind in WHOLE_KINDS else None
+
+
+def given_strengths(kind: str, effects: Sequence[str], seed: int) -> dict[str, float]:
+    """Return the strengths of weak effects, by name, evenly on a logarithmic scale; empty for all other kinds."""
+    if kind != 'weak_command':
+        return {}
+    weakest, strongest = WEAK_ON_COMMAND
+    shares = {name: np.random.default_rng([seed, *name.encode(), 1]).random() for name in effects}
+    return {name: float(weakest * (strongest / weakest) ** share) for name, share in shares.items()}
 
 
 def cylinder_a_of(drawn: Draw) -> Recording:
@@ -228,6 +258,7 @@ def _identify(job: Job, drawn: Draw) -> Row:
         verdict=conclusion.verdict,
         named=conclusion.effects,
         alternatives={name: tuple(names) for name, names in conclusion.alternatives.items() if names},
+        not_visible=conclusion.not_visible,
         before=rms(before) / floor,
         after=rms(after) / floor,
         before_test=rms(before[test]) / floor_test,
@@ -272,7 +303,7 @@ def _row(line: str) -> Row | None:
         return None
     if not isinstance(values, dict) or values.keys() != {field.name for field in fields(Row)}:
         return None
-    for name in ('effects', 'named'):
+    for name in ('effects', 'named', 'not_visible'):
         values[name] = tuple(values[name])
     values['alternatives'] = {name: tuple(names) for name, names in values['alternatives'].items()}
     return Row(**values)

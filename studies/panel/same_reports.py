@@ -43,6 +43,7 @@ from studies.panel.rows import (
     SCHEDULES,
     WHOLE_KINDS,
     cylinder_a_of,
+    given_strengths,
     jobs_of,
     make_of,
 )
@@ -124,7 +125,8 @@ def recording_and_options(case: Case) -> tuple[Recording, Options]:
     elif case.kind == 'clean':
         drawn = draw_textbook(case.schedule, case.seed, case.subject[0])
     else:
-        drawn = draw(case.subject, case.schedule, case.seed, make=make_of(case.kind, case.seed))
+        given = given_strengths(case.kind, case.subject, case.seed)
+        drawn = draw(case.subject, case.schedule, case.seed, given=given, make=make_of(case.kind, case.seed))
     if case.kind in ON_FORCE_KINDS:
         return recording_of(drawn.recording), Options(close_loop=True, area=Cylinder().area)
     return cylinder_a_of(drawn), Options(close_loop=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -69,6 +70,18 @@ def found_both(row: Row, alternatives: bool = False) -> bool:
 def found_exactly(row: Row, alternatives: bool = False) -> bool:
     """Return whether the effects of a pair are named and no other effect is."""
     return len(row.named) == len(row.effects) and found_both(row, alternatives)
+
+
+def accounts_for_each(row: Row, hidden: bool = False) -> bool:
+    """Return whether each effect is named or a listed alternative to a name; or listed as not visible, if `hidden`."""
+    return all(
+        (hidden and true in row.not_visible)
+        or any(
+            name == true or (is_listed_pair(name, true) and true in row.alternatives.get(name, ()))
+            for name in row.named
+        )
+        for true in row.effects
+    )
 
 
 def is_right(row: Row) -> bool:
@@ -186,6 +199,12 @@ def goals(rows: Sequence[Row]) -> list[Goal]:
     unknown = 'effects outside the library: `unexplained`; visible draws'
     add_goal(unknown, visible('foreign'), is_unexplained, least=0.90)
     add_goal(f'contact force: {first_name}', visible('force'), is_right, least=0.90)
+    late = [row for row in rows if row.kind == 'command']
+    text = 'a set-point that acts 15 to 60 ms late'
+    add_goal(f'{text}: each effect named, or a listed alternative', late, accounts_for_each, least=0.90)
+    weak = [row for row in rows if row.kind == 'weak_command']
+    text = 'a set-point that acts 1 to 15 ms late'
+    add_goal(f'{text}: named, or listed as not visible', weak, partial(accounts_for_each, hidden=True), least=0.90)
     for group, makes in _by_make(visible('whole')):
         add_goal(
             f'full physics, one effect, {makes}: right among the names; visible draws',

@@ -205,6 +205,15 @@ ON_FORCE = {
 }
 """Effects on the force that an identification should name."""
 
+ON_COMMAND = {
+    'setpoint_delay': Effect(0.015, 0.06, 's', 'dead time', _setter('effects_a.command_dead_time')),
+    'setpoint_lag': Effect(0.015, 0.06, 's', 'time constant', _setter('effects_a.command_lag')),
+}
+"""Effects on the commanded set-point that an identification should name; only steps of the set-point show them."""
+
+WEAK_ON_COMMAND = (0.001, 0.015)
+"""Range of strengths at which an effect on the command may not be visible [s]."""
+
 FOREIGN = {
     'poppet_inertia': Effect(0.25, 0.75, '1', 'slowness of the valve; at 1 the loop oscillates', poppet_inertia),
     'pulsation': Effect(30.0, 1000.0, 'Pa', 'amplitude in the set pressure', pulsation),
@@ -214,7 +223,7 @@ FOREIGN = {
 }
 """Effects outside the library, which an identification should report as unexplained."""
 
-EFFECTS = {**LIBRARY, **ON_FORCE, **FOREIGN, **STRANGE}
+EFFECTS = {**LIBRARY, **ON_FORCE, **ON_COMMAND, **FOREIGN, **STRANGE}
 """All effects of the panel by name."""
 
 

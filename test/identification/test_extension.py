@@ -49,6 +49,8 @@ KNOWN = [
     ('leakage', (1.0, 0.0)),
     ('leakage', (1.0, 1.0)),
     ('positional_leakage', (3.0, 8e-4, 4e-4, 0.01, 1.0, 0.0)),
+    ('setpoint_delay', (0.0313,)),
+    ('setpoint_lag', (0.02,)),
     ('transport_delay', (0.0033,)),
     ('transport_delay', (-0.0033,)),
     ('flow_saturation', (3e5, 1.5e5)),
@@ -254,6 +256,69 @@ def test_reading_late_is_exact(delay):
     """Between samples 2 ms apart a pressure that rings at 7 Hz bends by 100 Pa: it has to be simulated there."""
     (pressure,) = CHANNEL.simulated([STROKES], model(GAINS, {'transport_delay': (delay,)}))
     np.testing.assert_allclose(pressure, fine_truth(STROKES, delay, 40), rtol=0.0, atol=6.0)
+
+
+def exact_with_late_setpoint(experiment, delay):
+    """Return the paper's pressure, exactly integrated, with each set-point a delay later [Pa]."""
+    changes = np.flatnonzero(np.diff(experiment.inputs['setpoint']))
+    acting_from = experiment.times[changes] + delay
+    times = np.union1d(experiment.times, acting_from)
+    commanded = experiment.inputs['setpoint'][np.append(0, changes + 1)]
+    acting = commanded[np.searchsorted(acting_from, np.append(times[0], times[:-1]), side='right')]
+    displacement = np.interp(times, experiment.times, experiment.inputs['displacement'])
+    pressure = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(times, displacement, acting)
+    return pressure[np.searchsorted(times, experiment.sample_times)]
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.00037, 0.002, 0.0313, 0.5])
+def test_a_late_set_point_is_exact_to_a_fraction_of_a_sample(delay):
+    """Within a sample of 2 ms the regulator changes the pressure by kilopascals."""
+    (pressure,) = CHANNEL.simulated([STROKES], model(GAINS, {'setpoint_delay': (delay,)}))
+    np.testing.assert_allclose(pressure, exact_with_late_setpoint(STROKES, delay), rtol=0.0, atol=12.0)
+    off_by_a_tenth = exact_with_late_setpoint(STROKES, delay + 0.0002)
+    assert np.max(np.abs(pressure - off_by_a_tenth)) > 100.0
+
+
+def test_a_late_set_point_acts_on_the_parabolas_of_a_smoothed_motion():
+    """A step that is split keeps the parabola, so that another set-point alone moves the pressure."""
+    blocks, split = (list(STROKES.parabolic.blocks(setpoint_delay=delay)) for delay in (0.0, 0.00037))
+    assert sum(block.times.size for block in split) > sum(block.times.size for block in blocks)
+    for block, finer in zip(blocks, split):
+        kept = np.searchsorted(finer.times, block.times)
+        np.testing.assert_array_equal(finer.times[kept], block.times)
+        np.testing.assert_array_equal(finer.inputs['displacement'][kept], block.inputs['displacement'])
+        steps = np.searchsorted(block.times, finer.times)
+        np.testing.assert_array_equal(finer.inputs['acceleration'], block.inputs['acceleration'][steps])
+        for added in np.setdiff1d(np.arange(finer.times.size), kept):
+            before, after = finer.times[added] - finer.times[added - 1], finer.times[added + 1] - finer.times[added]
+            x = finer.inputs['displacement'][added - 1 : added + 2]
+            bend = 2.0 * ((x[2] - x[1]) / after - (x[1] - x[0]) / before) / (before + after)
+            assert bend == pytest.approx(finer.inputs['acceleration'][added], rel=1e-6, abs=1e-3)
+
+
+@given(samples=st.integers(0, 200), fraction=st.floats(0.01, 0.99) | st.just(0.0))
+def test_a_late_set_point_changes_when_set_points_act_and_nothing_else(samples, fraction):
+    delay = (samples + fraction) * 0.002
+    with patch.object(experiment, 'BLOCK_SAMPLES', 500):
+        blocks = list(STROKES.blocks(setpoint_delay=delay))
+    np.testing.assert_array_equal(
+        np.concatenate([block.times[block.sample_indices] for block in blocks]), STROKES.sample_times
+    )
+    assert all(following.times[0] == block.times[-1] for block, following in pairwise(blocks))
+    times, displacement, setpoint = (
+        np.concatenate([first[:1], *(series[1:] for series in (first, *following))])
+        for first, *following in (
+            [block.times for block in blocks],
+            *([block.inputs[name] for block in blocks] for name in ('displacement', 'setpoint')),
+        )
+    )
+    assert np.all(np.diff(times) > 0.0)
+    np.testing.assert_allclose(
+        displacement, np.interp(times, STROKES.times, STROKES.inputs['displacement']), rtol=0.0, atol=1e-15
+    )
+    steps = np.searchsorted(STROKES.times, np.maximum(0.5 * (times[1:] + times[:-1]) - delay, STROKES.times[0]))
+    lasting = np.diff(times) > 1e-9  # a step that is rounding may belong to either side
+    np.testing.assert_array_equal(setpoint[1:][lasting], STROKES.inputs['setpoint'][steps][lasting])
 
 
 @given(samples=st.integers(-150, 150), fraction=st.floats(0.01, 0.99) | st.just(0.0))

@@ -42,6 +42,44 @@ def test_names_an_effect_and_reaches_the_floor(effect):
     assert accepted[0] == effect
 
 
+@pytest.mark.parametrize('effect', ['setpoint_delay', 'setpoint_lag'])
+def test_a_set_point_that_acts_late_is_found_with_its_time(effect):
+    drawn = draw(effect, 'out_and_back', 2)
+    result = identify([recording_of(drawn)], Options(close_loop=True)).cylinders['cylinder_a']
+    assert (result.conclusion.effects, result.conclusion.status) == ((effect,), 'confirmed')
+    assert rms(result) <= 1.05 * oracle_rmse(drawn)
+    assert result.found.model.effects[effect] == pytest.approx((drawn.truth.strengths[effect],), rel=0.03)
+
+
+def test_a_dead_time_and_a_lag_of_the_set_point_are_found_together():
+    drawn = draw(('setpoint_delay', 'setpoint_lag'), 'out_and_back', 1)
+    result = identify([recording_of(drawn)], Options(close_loop=True)).cylinders['cylinder_a']
+    assert set(result.conclusion.effects) == {'setpoint_delay', 'setpoint_lag'}
+    assert rms(result) <= 1.05 * oracle_rmse(drawn)
+    for effect, (value,) in result.found.model.effects.items():
+        assert value == pytest.approx(drawn.truth.strengths[effect], rel=0.1)
+
+
+@pytest.mark.parametrize('effect', ['setpoint_delay', 'setpoint_lag'])
+def test_a_dead_time_and_a_lag_that_are_too_short_to_be_told_apart_are_a_tie(effect):
+    closure, _ = closed(draw(effect, 'out_and_back', 0, given={effect: 5e-4}))
+    (name,) = closure.effects
+    assert {name, *closure.alternatives[name]} == {'setpoint_delay', 'setpoint_lag'}
+
+
+@pytest.mark.parametrize('recorded', [True, False])
+def test_without_steps_of_the_set_point_it_is_not_said_when_set_points_act(recorded):
+    recording = recording_of(draw('setpoint_delay', 'paper_step', 2))
+    if not recorded:
+        signals = recording.cylinders['cylinder_a']
+        recording = replace(recording, cylinders={'cylinder_a': replace(signals, setpoint=None)})
+    conclusion = identify([recording], Options(close_loop=True)).cylinders['cylinder_a'].conclusion
+    late = {'setpoint_delay', 'setpoint_lag'}
+    assert late.isdisjoint(trial.effect for trial in conclusion.tried)
+    assert late <= set(conclusion.not_visible)
+    assert 'set-point steps' in conclusion.next_experiment
+
+
 @pytest.mark.parametrize('noise', ['white', 'coloured', 'quantised'])
 @pytest.mark.parametrize('schedule', ['paper_step', 'out_and_back'])
 def test_names_nothing_where_nothing_is_missing(schedule, noise):

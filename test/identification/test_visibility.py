@@ -77,6 +77,13 @@ def test_a_delay_shows_with_fast_motion_and_not_without():
     assert 'transport_delay' in hidden(recorded(stroke=0.25))
 
 
+@pytest.mark.parametrize('name', ['setpoint_delay', 'setpoint_lag'])
+def test_a_late_set_point_shows_where_set_points_step(name):
+    assert name in hidden(ONE_LEVEL)
+    assert name not in hidden(TWO_LEVELS)
+    assert name in hidden(TWO_LEVELS, std=2e4)
+
+
 def test_saturation_shows_with_steps_of_the_set_point_and_not_with_small_strokes():
     assert 'flow_saturation' in hidden(recorded(heights=(1e-4, 0.0)))
     assert 'flow_saturation' not in hidden(recorded(levels=(5.0, 12.0, 5.0), heights=(1e-4, 0.0)))
@@ -112,7 +119,8 @@ def test_more_noise_never_shows_more(experiment):
     assert len(library) >= 10
     sets = [set(hidden(experiment, std, library=library)) for std in STD * 4.0 ** np.arange(-4, 6)]
     assert all(less <= more for less, more in itertools.pairwise(sets))
-    assert not sets[0], 'without noise everything shows'
+    without_steps = {name for name in library if library[name].is_of_command and experiment is ONE_LEVEL}
+    assert sets[0] == without_steps, 'without noise everything shows'
     assert sets[-1] == set(library), 'in endless noise nothing does'
 
 
@@ -134,7 +142,7 @@ def test_samples_that_do_not_count_show_nothing():
 def test_what_cannot_show_is_what_a_fit_without_it_makes_up_for(name, experiment):
     """The pressure of a device that has the effect, without noise, fitted by one that hasn't."""
     made = with_pressure(experiment, MODEL)
-    data = {**CHANNEL.data([made], MODEL, [made.measured]), 'residual': STRENGTH * STD, 'lag': 0.0}
+    data = {**CHANNEL.data([made], MODEL, [made.measured]), 'residual': STRENGTH * STD, 'lag': 0.0, 'setpoint_lag': 0.0}
     left = []
     for start in PRESSURE_EFFECTS[name].starts(data):
         with_it = with_pressure(experiment, model(GAINS, {name: start}))

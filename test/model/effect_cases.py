@@ -25,6 +25,7 @@ DATA = {
     'slow_frequency': 1.5,
     'speed': 0.02,
     'lag': 0.004,
+    'setpoint_lag': 0.03,
 }
 """What a search would know of the stroke of these tests."""
 

@@ -12,10 +12,10 @@ from effect_cases import DATA
 from reference import AMBIENT, PSI
 
 from cfd_pneumatic.generator.composition import composed_source
-from cfd_pneumatic.model import TABLE_1, Cylinder, ExtendedCylinder, OperatingPoints
+from cfd_pneumatic.model import TABLE_1, Cylinder, ExtendedCylinder, Movement, OperatingPoints, SideBySide
 from cfd_pneumatic.model import composed as kernel
 from cfd_pneumatic.model.effects import EFFECTS, PRESSURE_EFFECTS, Moment, heat_transfer, leakage, positional_leakage
-from cfd_pneumatic.model.places import FORCE_PLACES, PLACES
+from cfd_pneumatic.model.places import FORCE_PLACES, PLACES, all_parameters
 
 GAINS = TABLE_1.table[0, 1:]
 TIMES = np.arange(700) * 0.002
@@ -165,6 +165,51 @@ def test_a_sensor_lag_is_a_first_order_lag():
         reading[i] = reading[i - 1] + 1e-5 / lag * (fine[i - 1] - reading[i - 1])
     expected = np.interp(TIMES[:-1], np.arange(0.0, TIMES[-1], 1e-5), reading)
     np.testing.assert_allclose(simulate({'sensor_lag': (lag,)})[:-1], expected, atol=15.0)
+
+
+@pytest.mark.parametrize('duration', [1e-4, 0.002, 0.05, 1.0])
+@pytest.mark.parametrize('lag', [5e-4, 0.02, 0.3])
+def test_a_set_point_that_lags_is_exact_after_a_step_of_any_size(lag, duration):
+    cylinder = ExtendedCylinder(GAINS, {'setpoint_lag': (lag,)}, AMBIENT)
+    rest = cylinder.begin(SETPOINT[0], SETPOINT[0], 0.0)
+    after = cylinder.step(rest, Movement(duration, duration, 0.0, 0.0), SETPOINT[0] + 1e4)
+    acting = after.values[PLACES['setpoint_lag'].states.start]
+    assert acting - SETPOINT[0] == pytest.approx(-1e4 * math.expm1(-duration / lag), rel=1e-9)
+
+
+@pytest.mark.parametrize('lag', [0.004, 0.03])
+def test_the_pressure_follows_the_set_point_that_lags(lag):
+    """Against the paper's model, exactly integrated in steps in which the lagging set-point is nearly constant."""
+    commanded = SETPOINT + 1e4 * (TIMES > 0.2)
+    parts = 100
+    fine = np.arange(TIMES.size * parts - parts + 1) * 0.002 / parts
+    passed = np.maximum(fine - 0.5 * 0.002 / parts - 0.2, 0.0)
+    acting = SETPOINT[0] - 1e4 * np.expm1(-passed / lag)
+    stroke = np.interp(fine, TIMES, STROKE)
+    exact = Cylinder(OperatingPoints.constant(*GAINS), AMBIENT).simulate(fine, stroke, acting)[::parts]
+    np.testing.assert_allclose(simulate({'setpoint_lag': (lag,)}, setpoint=commanded), exact, rtol=0.0, atol=12.0)
+
+
+def test_the_acting_set_point_rests_at_the_command_whatever_the_pressure():
+    resting = SideBySide(
+        ExtendedCylinder(GAINS, {'setpoint_lag': (0.03,)}, AMBIENT),
+        all_parameters(GAINS, {'setpoint_lag': (0.03,)})[None],
+        np.array([150.0]),
+        np.array([-2e4]),
+        0.0,
+        1e3,
+    )
+    plain = SideBySide(
+        ExtendedCylinder(GAINS, {}, AMBIENT),
+        all_parameters(GAINS, {})[None],
+        np.array([150.0]),
+        np.array([-2e4]),
+        0.0,
+        1e3,
+    )
+    lagging, prompt = (cylinder.simulate_piece(TIMES, STROKE, SETPOINT) for cylinder in (resting, plain))
+    assert prompt[0, 0] == SETPOINT[0] + 150.0 - 2e4
+    np.testing.assert_allclose(lagging, prompt, rtol=0.0, atol=1e-6)
 
 
 def test_a_resonance_rings_at_its_frequency():

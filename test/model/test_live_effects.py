@@ -60,6 +60,19 @@ def readings(states):
     return np.array([(state.a.reading, state.b.reading) for state in states])
 
 
+def simulate_with_delays(name, own, displacement, setpoint):
+    """Return the simulation of the fit at the samples [Pa]: commands and readings are late as in a fit."""
+    cylinder, late = ExtendedCylinder(GAINS, {name: own}, AMBIENT), PRESSURE_EFFECTS[name].late
+    if late != 'setpoint':
+        return read_late(cylinder.simulate(TIMES, displacement, setpoint), own[0] if late == 'reading' else 0.0)
+    changes = np.flatnonzero(np.diff(setpoint))
+    acting_from = TIMES[changes] + own[0]
+    times = np.union1d(TIMES, acting_from)
+    commanded = np.append(setpoint[:1], setpoint[changes + 1])
+    acting = commanded[np.searchsorted(acting_from, np.append(0.0, times[:-1]), side='right')]
+    return cylinder.simulate(times, np.interp(times, TIMES, displacement), acting)[np.searchsorted(times, TIMES)]
+
+
 def read_late(reading, delay):
     """Return what comes of a reading [Pa] with a delay: that of then, or what it goes to as it goes."""
     if delay >= 0.0:
@@ -71,10 +84,8 @@ def read_late(reading, delay):
 @pytest.mark.parametrize(('name', 'own'), CASES)
 def test_sample_by_sample_it_is_the_simulation_of_the_fit(name, own):
     live = readings(follow(LiveDevice(make_device({name: own}), max_gap=0.1), SAMPLES))
-    fitted = ExtendedCylinder(GAINS, {name: own}, AMBIENT)
-    delay = own[0] if PRESSURE_EFFECTS[name].late == 'reading' else 0.0
     for column, cylinder, setpoint in ((0, 'cylinder_a', SETPOINT_A), (1, 'cylinder_b', SETPOINT_B)):
-        expected = read_late(fitted.simulate(TIMES, DIRECTIONS[cylinder] * POSITIONS, setpoint), delay)
+        expected = simulate_with_delays(name, own, DIRECTIONS[cylinder] * POSITIONS, setpoint)
         np.testing.assert_allclose(live[:, column], expected, rtol=0.0, atol=1e-6)
     plain = readings(follow(LiveDevice(make_device({}), max_gap=0.1), SAMPLES))
     assert np.max(np.abs(live - plain)) > 1.0, 'the effect shows'
@@ -212,6 +223,69 @@ def test_a_delay_that_grows_holds_the_earliest_reading_that_it_knows():
     live.device = make_device({'transport_delay': (0.02,)})
     (state,) = follow(live, SAMPLES[29:30])
     assert state.a.reading == earliest
+
+
+STEPPING = [
+    (stamp, 0.0, (AMBIENT + (5.0 + (index // 20) % 2) * PSI, AMBIENT + 5.0 * PSI))
+    for index, (stamp, _, _) in enumerate(SAMPLES)
+]
+"""Set-points of A that step every 20 samples, with the piston at rest."""
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.0007, 0.013, 0.1])
+def test_a_set_point_acts_the_delay_after_its_command_to_a_fraction_of_a_sample(delay):
+    """Against the paper's model, exactly integrated over grids that hold the times at which set-points act."""
+    live = readings(follow(LiveDevice(make_device({'setpoint_delay': (delay,)}), max_gap=0.1), STEPPING))[:, 0]
+    commanded = np.array([pair[0] for _, _, pair in STEPPING])
+    changes = np.flatnonzero(np.diff(commanded))
+    acting_from = TIMES[changes] + delay
+    times = np.union1d(TIMES, acting_from)
+    acting = commanded[np.append(0, changes + 1)][
+        np.searchsorted(acting_from, np.append(0.0, times[:-1]), side='right')
+    ]
+    exact = Cylinder(CONSTANT, AMBIENT).simulate(times, np.zeros(times.size), acting)[np.searchsorted(times, TIMES)]
+    np.testing.assert_allclose(live, exact, rtol=0.0, atol=5.0)
+    assert np.ptp(live) > 4000.0
+
+
+def test_no_more_commands_are_remembered_than_the_delay_needs():
+    live = LiveDevice(make_device({'setpoint_delay': (0.1,)}), max_gap=0.1)
+    for state in follow(live, STEPPING):
+        begins = state.a.commands.begins
+        assert len(begins) <= 0.1 / (20 * 0.0015) + 2
+        assert begins[1:] == () or begins[1] > live.committed.movement(0.0, 0.0).time - 0.1 - 1.0
+    assert len(state.a.commands.begins) >= 3
+    assert state.b.commands.setpoints == (AMBIENT + 5.0 * PSI,)
+
+
+def test_a_set_point_delay_that_appears_begins_with_the_present_command():
+    live = LiveDevice(make_device({}), max_gap=0.1)
+    follow(live, STEPPING[:30])
+    live.device = make_device({'setpoint_delay': (0.1,)})
+    (state,) = follow(live, STEPPING[30:31])
+    assert state.a.commands.setpoints == (STEPPING[30][2][0],)
+    live.device = make_device({'leakage': (0.0, 0.0)})
+    (state,) = follow(live, STEPPING[31:32])
+    assert state.a.commands is None
+
+
+def test_an_acting_set_point_that_begins_to_lag_begins_at_the_command():
+    live = LiveDevice(make_device({}), max_gap=0.1)
+    follow(live, STEPPING[:22])
+    assert live.committed.state.a.p < AMBIENT + 5.9 * PSI, 'the pressure is still rising'
+    live.device = make_device({'setpoint_lag': (0.05,)})
+    plain = LiveDevice(make_device({'leakage': (0.0, 0.0)}), max_gap=0.1)
+    plain.committed = live.committed
+    lagging, prompt = (readings(follow(one, STEPPING[22:40]))[:, 0] for one in (live, plain))
+    np.testing.assert_allclose(lagging, prompt, rtol=0.0, atol=1.0)
+
+
+def test_a_set_point_that_is_late_and_lags_splits_at_the_same_times():
+    effects = {'setpoint_delay': (0.013,), 'setpoint_lag': (0.02,), 'transport_delay': (-0.004,)}
+    live = readings(follow(LiveDevice(make_device(effects), max_gap=0.1), STEPPING))[:, 0]
+    both = {name: effects[name] for name in ('setpoint_delay', 'setpoint_lag')}
+    prompt = readings(follow(LiveDevice(make_device(both), max_gap=0.1), STEPPING))[:, 0]
+    np.testing.assert_allclose(live, read_late(prompt, -0.004), rtol=0.0, atol=1e-6)
 
 
 @pytest.mark.parametrize('other', [{'leakage': (0.0, 0.0)}, {}])

@@ -15,7 +15,7 @@ from graph import MILLISECOND, Graph, SimClient, ros_arguments, unique_namespace
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.parameter import Parameter
 
-from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic
+from cfd_pneumatic.convention import AMBIENT_PRESSURE, CONTACT_FORCE, CYLINDERS, pressure_topic, setpoint_applied_topic
 from cfd_pneumatic.model import TABLE_1, Cylinder, DeviceModel, ForceGeometry, LiveDevice, composed, propagation
 from cfd_pneumatic.model.effects import FORCE_PARTS, MODULES, PRESSURE_EFFECTS
 from cfd_pneumatic.nodes import sim_node
@@ -33,6 +33,8 @@ PLAY = {
     'lost_motion': (1e-4,),
     'valve_dead_band': (300.0,),
     'transport_delay': (0.005,),
+    'setpoint_delay': (0.013,),
+    'setpoint_lag': (0.02,),
 }
 """Effects of each kind, with parameters."""
 
@@ -206,6 +208,32 @@ def test_both_cylinders_have_effects_of_their_own(sim: SimClient) -> None:
     live = LiveDevice(make_device(PLAY, b), max_gap=1.0)
     assert_follows(sim, live, [(START, 0.0), *stroke(START, 0.0, 20)])
     assert live.committed.state.a.reading != live.committed.state.a.p
+
+
+def test_set_points_of_the_topic_act_late(sim: SimClient) -> None:
+    """The node says which set-point was commanded; the pressure follows it as the model's does, to the last bit."""
+    effects = {'setpoint_delay': (0.013,), 'setpoint_lag': (0.02,)}
+    put(sim, settings('cylinder_a', effects))
+    live = LiveDevice(make_device(effects), max_gap=1.0)
+    applied_a, applied_b = map(setpoint_applied_topic, CYLINDERS)
+    commanded, late = set(), []
+    for index in range(60):
+        if index % 15 == 5:
+            sim.setpoint(0, (10 + index % 2) * PSI)
+        stamp = START + 2 * MILLISECOND * index
+        answer = sim.sample(stamp, 0.0)
+        live.sample(stamp, 0.0, (answer[applied_a], answer[applied_b]))
+        state = live.committed.state
+        assert (answer[PRESSURE_A], answer[PRESSURE_B]) == (state.a.reading, state.b.reading)
+        commanded.add(answer[applied_a])
+        late.append(abs(answer[PRESSURE_A] - answer[applied_a]) > 0.9 * PSI)
+    assert sorted(commanded) == pytest.approx([REST, REST + PSI])
+    assert sum(late) > 6, 'for 13 ms the pressure does not move'
+    sim.setpoint(0, 10 * PSI)
+    sim.graph.until(
+        lambda: (answer := sim.answer(sim.stamp)) is not None and answer[applied_a] == REST,
+        doing=lambda: sim.send(sim.stamp + MILLISECOND, 0.0),
+    )
 
 
 def test_previews_read_the_sensor_too(sim: SimClient) -> None:

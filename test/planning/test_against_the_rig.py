@@ -40,3 +40,13 @@ def test_what_is_named_is_the_effect_or_one_that_was_said_to_be_alike():
     alike = case(SEED).predicted('sensor_lag').alternatives
     assert 'transport_delay' in alike
     assert run(Job(SEED, 'sensor_lag', 2.0)).effects[0] in ('sensor_lag', *alike)
+
+
+@pytest.mark.parametrize('effect', ['setpoint_delay', 'setpoint_lag'])
+def test_steps_of_the_plan_tell_a_late_set_point_from_a_late_pressure(effect):
+    predicted = case(SEED).predicted(effect)
+    assert predicted.shows
+    assert {'transport_delay', 'sensor_lag'}.isdisjoint(predicted.alternatives)
+    assert any(segment.turns for segment in case(SEED).plan.segments)
+    assert run(Job(SEED, effect, 2.0)).effects[0] in (effect, *predicted.alternatives)
+    assert run(Job(SEED, effect, 0.1)).effects == ()

@@ -135,6 +135,27 @@ def test_a_lag_and_a_delay_are_more_alike_than_a_lag_and_a_dead_band():
     assert remaining['transport_delay'].max() < 0.3 < remaining['valve_dead_band'].min()
 
 
+@pytest.mark.parametrize('name', ['setpoint_delay', 'setpoint_lag'])
+def test_a_step_of_the_set_point_separates_a_late_set_point_from_a_late_pressure(name):
+    """At a set-point step alone all delays are alike; strokes show the delays of the pressure only."""
+    stroke, step, both = (
+        evidence_of(*names)
+        for names in (
+            ['fast stroke of 100%'],
+            ['set-point step of 100%, A'],
+            ['fast stroke of 100%', 'set-point step of 100%, A'],
+        )
+    )
+    assert stroke.visibility[name].max() < 0.01
+    for one in (step, both):
+        assert one.visibility[name].min() > 1.0
+    for rival in ('transport_delay', 'sensor_lag'):
+        assert both.remaining[name][rival].min() > 2.0 * step.remaining[name][rival].min()
+        assert both.distinctness(name)[rival].min() > 1.0
+    other = {'setpoint_delay': 'setpoint_lag', 'setpoint_lag': 'setpoint_delay'}[name]
+    assert both.remaining[name][other].max() < 0.5
+
+
 @pytest.mark.parametrize(
     'names', [('fast stroke of 100%',), ('sweep', 'set-point step of 100%, A'), ('slow stroke of 30%',)]
 )

@@ -18,6 +18,7 @@ from studies.panel import (
     FOREIGN,
     LIBRARY,
     MAKES,
+    ON_COMMAND,
     ON_FORCE,
     OWN_WAYS,
     STRANGE,
@@ -257,6 +258,14 @@ def test_a_strong_effect_can_be_seen_and_is_known_to_the_oracle(name: str, monke
     assert baseline_rmse(drawn) > (1.0 if name == 'volume_variation' else 1.5) * floor
     # Where a leak or a stamp depends on the moment at which a stroke ends, samples 2 ms apart leave more.
     assert floor < (6.0 if name in {'positional_leakage', *SPEED_MATTERS} else 1.5) * FLOOR
+
+
+@pytest.mark.parametrize('name', ON_COMMAND)
+def test_a_late_set_point_can_be_seen_and_is_known_to_the_oracle(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn, twin = strongest(name, 'out_and_back', 1, monkeypatch), healthy('out_and_back', 1)
+    assert np.array_equal(drawn.recording.setpoints, twin.recording.setpoints), 'as commanded'
+    assert baseline_rmse(drawn) > 5.0 * oracle_rmse(drawn)
+    assert oracle_rmse(drawn) < 1.5 * FLOOR
 
 
 @pytest.mark.parametrize('name', [*ON_FORCE, *STRANGE_FORCE])

@@ -23,11 +23,12 @@ from cfd_pneumatic.rig import (
     physics,
     record,
 )
+from cfd_pneumatic.rig.command import CommandPath
 from cfd_pneumatic.rig.effects import Effects, Pickup
 from cfd_pneumatic.rig.oddities import Oddities
 from cfd_pneumatic.rig.piston import Linkage
+from cfd_pneumatic.rig.responses import HeldLag, Response
 from cfd_pneumatic.rig.rig import setpoint_disturbance
-from cfd_pneumatic.rig.transmission import Response
 from cfd_pneumatic.units import PSI
 
 GAUGE = 10 * PSI
@@ -133,7 +134,15 @@ def test_the_integration_converges_with_each_effect(name: str) -> None:
 
 
 def test_played_in_pieces_with_effects() -> None:
-    effects = Effects(resonance_frequency=80.0, sensor_lag=3e-3, hum=50.0, play=300.0, drift=100.0)
+    effects = Effects(
+        resonance_frequency=80.0,
+        sensor_lag=3e-3,
+        hum=50.0,
+        play=300.0,
+        drift=100.0,
+        command_dead_time=0.0203,
+        command_lag=0.015,
+    )
     parameters = RigParameters(
         effects_a=effects, piston=Piston(lost_motion=1e-4), pickup=Pickup(displacement_lag=4e-3, force_offset=1.0)
     )
@@ -345,6 +354,57 @@ def test_a_displacement_sensor_that_is_late() -> None:
     assert run.displacement == pytest.approx(then, abs=6e-5)  # it bends between samples
     assert np.max(np.abs(run.displacement - plain.displacement)) > 1e-3
     assert np.array_equal(run.pressures, plain.pressures)
+
+
+# the path of a command
+
+
+def stepped(steps: int = 3, **strengths: float) -> Truth:
+    """Let the set pressure of A step every 0.2 s with the piston at rest."""
+    rig = Rig((GAUGE, 5 * PSI), with_effects(**strengths))
+    knots = steps * 1000
+    levels = GAUGE + 2 * PSI * (np.arange(knots) // 1000 % 2 == 0)
+    return rig.advance(np.zeros(knots), np.zeros(knots), np.column_stack([levels, np.full(knots, 5 * PSI)]), PERIOD)
+
+
+@pytest.mark.parametrize('dead_time', [0.0004, 0.01507, 0.06])
+def test_a_command_arrives_after_its_dead_time(dead_time: float) -> None:
+    plain, late = stepped(), stepped(command_dead_time=dead_time)
+    then = np.interp(plain.times - dead_time, np.append(0.0, plain.times), np.append(REST, plain.pressures[:, 0]))
+    assert late.pressures[:, 0] == pytest.approx(then, abs=40.0)
+    assert np.max(np.abs(np.diff(plain.pressures[:, 0]))) > 150.0, 'from knot to knot, so that 40 Pa are 60 us'
+    assert np.array_equal(late.setpoints, plain.setpoints), 'as commanded'
+    assert np.array_equal(late.pressures[:, 1], plain.pressures[:, 1])
+
+
+def test_a_command_that_lags_arrives_by_parts() -> None:
+    """In the mean it is as late as a dead time, which is what the area between two pressures shows."""
+    plain, lagging, late = stepped(1), stepped(1, command_lag=0.02), stepped(1, command_dead_time=0.02)
+    lost = [PERIOD * np.sum(plain.pressures[:, 0] - other.pressures[:, 0]) for other in (lagging, late)]
+    assert lost == pytest.approx([0.02 * 2 * PSI] * 2, rel=0.05)
+    assert np.max(np.abs(lagging.pressures[:, 0] - late.pressures[:, 0])) > 500.0
+    assert np.array_equal(lagging.setpoints, plain.setpoints)
+    assert np.array_equal(lagging.pressures[:, 1], plain.pressures[:, 1])
+
+
+def test_the_path_of_a_command_changes_at_the_last_command() -> None:
+    path, healthy, late = CommandPath(1.0), Effects(), Effects(command_dead_time=0.003, command_lag=1e-9)
+    assert path.carry(np.array([1.0, 2.0]), 1e-3, healthy).tolist() == [1.0, 2.0]
+    assert path.carry(np.array([3.0, 3.0]), 1e-3, late) == pytest.approx([2.0, 2.0])
+    assert path.carry(np.array([4.0, 4.0]), 1e-3, late) == pytest.approx([2.0, 3.0], abs=1e-5)
+    assert path.carry(np.array([5.0, 5.0]), 1e-3, healthy).tolist() == [5.0, 5.0]
+    assert path.carry(np.array([6.0]), 1e-3, late) == pytest.approx([5.0]), 'what was under way is forgotten'
+
+
+@given(st.floats(1e-4, 1.0), st.floats(1e-4, 0.1), st.integers(1, 30))
+def test_a_held_lag_is_exact(time_constant: float, period: float, cut: int) -> None:
+    inputs = np.repeat([1.0, -2.0, 5.0], 10)
+    lag = HeldLag(time_constant, 1.0)
+    means = np.concatenate([lag.respond(part, period) for part in (inputs[:cut], inputs[cut:])])
+    assert means[:10] == pytest.approx(np.ones(10))
+    ends = period * np.arange(1, 11)
+    integral = 3.0 * time_constant * -np.expm1(-ends / time_constant) - 2.0 * ends
+    assert period * np.cumsum(means[10:20]) == pytest.approx(integral, abs=1e-9)
 
 
 # mechanics

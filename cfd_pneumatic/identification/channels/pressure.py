@@ -55,6 +55,7 @@ from cfd_pneumatic.identification.data import (
 from cfd_pneumatic.identification.residual import (
     Noise,
     Regressors,
+    lag_after_steps,
     lag_between,
     runs_at_rest,
     sample_noise,
@@ -90,6 +91,8 @@ from cfd_pneumatic.recording import Recording, Signal
 from cfd_pneumatic.units import PSI
 
 _SMOOTHED = 25  # samples
+_LATE_MOTION = ('reading', 'displacement')  # effects on the times of these move the chamber relative to the samples
+_LATE = (*_LATE_MOTION, 'setpoint')  # order of the delays in `Experiment.blocks`
 _OFFSET, _START, _DRIFT = range(3)
 _OF_OFFSET, _OF_START = len(SPECS), len(SPECS) + 1  # columns of the exact derivatives
 
@@ -373,7 +376,7 @@ class Pressure(Channel):
         )
         distinct_inputs = dict.fromkeys(map(tuple, individual_inputs.tolist()))
         groups = [np.flatnonzero(np.all(individual_inputs == inputs, axis=1)) for inputs in distinct_inputs]
-        is_moved = any(name in MOVING or self.effects[name].late for name in effects)
+        is_moved = any(name in MOVING or self.effects[name].late in _LATE_MOTION for name in effects)
         simulated_experiment = (None if is_moved else experiment.parabolic) or experiment
         piece_iterators = []
         for group in groups:
@@ -386,8 +389,8 @@ class Pressure(Channel):
                 stiffness,
                 settles,
             )
-            delay, displacement_delay, drift = individual_inputs[group[0]].tolist()
-            blocks = simulated_experiment.blocks(count, delay, displacement_delay)
+            *delays, drift = individual_inputs[group[0]].tolist()
+            blocks = simulated_experiment.blocks(count, *delays)
             piece_iterators.append(_pressure_pieces(side_by_side, _with_drift(simulated_experiment, blocks, drift)))
         order = np.argsort(np.concatenate(groups))
         for parts in zip(*piece_iterators):
@@ -400,11 +403,8 @@ class Pressure(Channel):
             )
 
     def _delay_slots(self, effects: Sequence[str]) -> list[list[int]]:
-        """Return the slots of the delays of the reading, and of the displacement."""
-        return [
-            [self.slots_of(name)[0] for name in effects if self.effects[name].late == target]
-            for target in ('reading', 'displacement')
-        ]
+        """Return the slots of the delays of the reading, of the displacement, and of the set-point."""
+        return [[self.slots_of(name)[0] for name in effects if self.effects[name].late == target] for target in _LATE]
 
     def _start_offsets(self, experiment: Experiment, rows: Array) -> Array:
         """Return the first pressure minus the set-point, shape (models,) [Pa]."""
@@ -413,6 +413,12 @@ class Pressure(Channel):
             return np.asarray(starts)
         drift_time = _drift_time(experiment, experiment.times[0])
         return np.asarray(experiment.first_value - experiment.inputs['setpoint'][0] - offsets - drifts * drift_time)
+
+    def may_tell(self, experiments: Sequence[Experiment], effect: str, model: Model) -> bool:
+        """Return whether experiments have recorded steps of the set-point, if an effect needs such steps."""
+        return not self.effects[effect].is_of_command or any(
+            np.ptp(experiment.inputs['setpoint']) > 0.0 for experiment in experiments
+        )
 
     def levels(self, experiments: Sequence[Experiment], model: Model) -> list[Array]:
         """Return the gauge set-point at the samples of each experiment [Pa]."""
@@ -508,6 +514,8 @@ class Pressure(Channel):
         - `x_low`, `x_high` [m]: range of the displacement
         - `speed` [m/s]: root mean square of the piston's speed in motion
         - `lag` [s]: delay of the measured behind the simulated pressure
+        - `setpoint_lag` [s]: delay of the measured behind the simulated pressure after steps of the set-point, or half
+          of the delay in the model: a dead time and a lag share what one of them alone explains
         - `period`, `duration` [s]: shortest sampling period, duration of the longest experiment
         - `largest_charge`, `largest_exhaust` [Pa/s]: largest flow of the valves
         - `slow_frequency` [Hz]: strongest frequency of the residual below 3 Hz
@@ -534,6 +542,14 @@ class Pressure(Channel):
             'x_high': max(float(np.max(displacement)), float(np.min(displacement)) + SHORTEST_STROKE),
             'speed': speed_in_motion(longest.times, longest.inputs['displacement']),
             'lag': lag_between(longest.sample_times, longest.measured, simulated[rank]),
+            'setpoint_lag': max(
+                lag_after_steps(
+                    [experiment.sample_times for experiment in experiments],
+                    [experiment.at_samples('setpoint') for experiment in experiments],
+                    residuals,
+                ),
+                0.5 * sum(values[0] for name, values in model.effects.items() if self.effects[name].is_of_command),
+            ),
             'period': shortest_period(experiments),
             'duration': float(np.ptp(longest.sample_times)),
             'largest_charge': max(charge, LEAST_FLOW_LIMIT),

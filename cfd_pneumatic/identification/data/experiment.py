@@ -222,12 +222,15 @@ class Experiment:
         first_step = int(self.samples[samples.start]) if samples.start else 0
         return self._cut(slice(first_step, int(self.samples[samples.stop - 1]) + 1), samples)
 
-    def blocks(self, count: int | None = None, delay: float = 0.0, displacement_delay: float = 0.0) -> Iterator[Block]:
+    def blocks(
+        self, count: int | None = None, delay: float = 0.0, displacement_delay: float = 0.0, setpoint_delay: float = 0.0
+    ) -> Iterator[Block]:
         """
         Yield the experiment in pieces, up to sample number `count` or to the end.
 
         The samples were taken `delay` seconds before their stamps; the grid holds these earlier times, too.
-        The displacement is stamped `displacement_delay` seconds after the piston was there.
+        The displacement is stamped `displacement_delay` seconds after the piston was there. A set-point acts
+        `setpoint_delay` seconds after its command; the grid holds the times from which set-points act, too.
         """
         previous_end = self.times[0]
         for begin in range(0, self.samples.size if count is None else count, BLOCK_SAMPLES):
@@ -238,7 +241,7 @@ class Experiment:
                 block = block._replace(
                     inputs={**block.inputs, 'displacement': self._displacement(block.times + displacement_delay)}
                 )
-            yield block
+            yield self._with_late_setpoint(block, setpoint_delay) if setpoint_delay else block
 
     def _block(self, samples: slice) -> Block:
         """Return the piece that holds some adjacent samples."""
@@ -259,6 +262,30 @@ class Experiment:
         inputs = {name: values[ends] for name, values in self.inputs.items()}
         inputs['displacement'] = self._displacement(times)
         return Block(times, inputs, samples, np.searchsorted(times, taken))
+
+    def _with_late_setpoint(self, block: Block, delay: float) -> Block:
+        """Return a piece in which each set-point acts a delay after its command; the first was always commanded."""
+        begins, setpoints = self._commands
+        acting_from = begins + delay
+        within = (acting_from > block.times[0]) & (acting_from < block.times[-1])
+        times = np.union1d(block.times, acting_from[within])
+        kept = np.searchsorted(times, block.times)
+        inputs = {name: np.interp(times, block.times, values) for name, values in block.inputs.items()}
+        inputs['setpoint'] = setpoints[np.searchsorted(acting_from, np.append(times[0], times[:-1]), side='right')]
+        if 'acceleration' in inputs:
+            ends = np.searchsorted(block.times, times)  # steps of the piece that end at these times or later
+            inputs['acceleration'] = block.inputs['acceleration'][ends]
+            remaining = block.times[ends] - times
+            passed = times - block.times[np.maximum(ends - 1, 0)]
+            inputs['displacement'] -= 0.5 * inputs['acceleration'] * passed * remaining
+        return Block(times, inputs, block.samples, kept[block.sample_indices])
+
+    @lazy_property
+    def _commands(self) -> tuple[Array, Array]:
+        """Times at which the commanded set-point changes, shape (n,) [s], and the set-points, shape (n + 1,) [Pa]."""
+        setpoint = self.inputs['setpoint']
+        changed = np.flatnonzero(np.diff(setpoint))
+        return self.times[changed], setpoint[np.append(changed, setpoint.size - 1)]
 
     def _displacement(self, times: Array) -> Array:
         """Return the displacement at increasing times, shape (n,) [m]; after the last grid time its rate stays."""

@@ -232,7 +232,7 @@ def _check_lag(
     """Warn if the displacement lags the pressure, and use the force to find the cause."""
     for name in result.found.model.effects:
         late_signal = 'displacement' if name == _LAG else result.channel.effects[name].late
-        if not late_signal:
+        if late_signal in ('', 'setpoint'):
             continue
         size = result.found.model.effects[name][0]
         estimate = next(iter(result.parameters(name).values()))

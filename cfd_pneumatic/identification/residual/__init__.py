@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.residual.normal_matrix import gram, orthonormal
     from cfd_pneumatic.identification.residual.regressors import Regressors
     from cfd_pneumatic.identification.residual.residual_features import (
+        lag_after_steps,
         lag_between,
         speed_in_motion,
         strongest_frequency,

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Features of a residual and a motion: strongest frequency, lag, speed."""
+"""Features of a residual and a motion: strongest frequency, lags, speed."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from cfd_pneumatic.identification.residual.thresholds import (
     LEAST_DURATION,
     LEAST_SPEED,
     MOST_FREQUENCIES,
+    STEP_RESPONSE_TIME,
 )
 
 
@@ -70,3 +73,29 @@ def lag_between(times: Array, measured: Array, simulated: Array) -> float:
     total = np.concatenate([[0.0], np.cumsum(centred_simulated**2)])
     mismatch = total[inner.size :] - total[: -inner.size] - 2.0 * products
     return float(reach - int(np.argmin(mismatch))) * period
+
+
+def lag_after_steps(times: Sequence[Array], setpoints: Sequence[Array], residuals: Sequence[Array]) -> float:
+    """
+    Return the delay of the pressure behind the model after steps of the set-point [s]; 0 without steps or delay.
+
+    The integral of the residual after a step is minus the step times the delay, for any linear response.
+
+    Parameters
+    ----------
+    times, setpoints, residuals
+        Sample times [s], set-points [Pa], and measured minus simulated pressure [Pa] of each recording, shape (m,).
+
+    """
+    products = squares = 0.0
+    for sample_times, setpoint, residual in zip(times, setpoints, residuals):
+        changes = np.flatnonzero(np.diff(setpoint)) + 1
+        integral = np.append(0.0, np.cumsum(residual[1:] * np.diff(sample_times)))
+        ends = np.minimum(
+            np.append(changes[1:], residual.size) - 1,
+            np.searchsorted(sample_times, sample_times[changes] + STEP_RESPONSE_TIME, side='right') - 1,
+        )
+        heights = setpoint[changes] - setpoint[changes - 1]
+        products -= float(heights @ (integral[ends] - integral[changes - 1]))
+        squares += float(heights @ heights)
+    return max(products, 0.0) / squares if squares > 0.0 else 0.0

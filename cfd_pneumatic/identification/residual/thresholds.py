@@ -224,6 +224,12 @@ Origin: short compared with the period of `HIGHEST_SUPPLY_FREQUENCY` (commit bf9
 LARGEST_LAG = 0.2
 """Largest lag between a measured and a simulated signal [s]. Origin: not known."""
 
+STEP_RESPONSE_TIME = 0.5
+"""
+Longest time after a step of the set-point in which the response is compared with the model [s].
+Origin: the upper bound of the delay in `setpoint_delay`.
+"""
+
 LEAST_SPEED = 1e-5
 """Least speed that is reported of a moving piston [m/s]. Origin: not known."""
 

@@ -29,7 +29,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     ROUGH_EXCERPT_STEPS,
     ROUGH_SEARCH,
 )
-from cfd_pneumatic.model import Data
+from cfd_pneumatic.model import Data, Effect
 from cfd_pneumatic.runtime import map_in_threads
 
 
@@ -165,12 +165,15 @@ class Candidates:
         """
         Return the best fit of each added effect, from its starts.
 
-        Core and present effects are frozen in the rough fits.
+        Core and present effects are frozen in the rough fits, unless they and the added effect are of the command.
         """
-        present = base.model.parts
+        effects = self.channel.effects
         rough = _sort_by_cost(
             _fit_all(
-                starts, lambda model: find_optimum(self.excerpt, model, *ROUGH_SEARCH, frozen=present, passing=False)
+                starts,
+                lambda model: find_optimum(
+                    self.excerpt, model, *ROUGH_SEARCH, frozen=_present_effects(base, model, effects), passing=False
+                ),
             )
         )
         before = self._excerpt_squares(base)
@@ -321,6 +324,17 @@ class Candidates:
             map_in_threads(lambda model: find_optimum(likelihood, model, *FINE_SEARCH), starts),
             key=lambda fit: fit.cost,
         )
+
+
+def _present_effects(base: Candidate, model: Model, effects: Mapping[str, Effect]) -> list[str]:
+    """
+    Return core and effects of a base that keep their parameters while an effect is added to it.
+
+    A dead time and a lag of the command are nearly equal. One of them alone takes the place of both, so that it has to
+    become smaller while the second one is added.
+    """
+    is_of_command = any(effects[name].is_of_command for name in model.effects.keys() - base.effects.keys())
+    return [name for name in base.model.parts if not (is_of_command and effects[name].is_of_command)]
 
 
 def _is_finite(simulated: Sequence[Array]) -> bool:

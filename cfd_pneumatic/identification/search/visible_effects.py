@@ -50,7 +50,7 @@ def effects_not_visible(likelihood: Likelihood, model: Model, noise: Noise) -> t
     )
     representative, visible_size = unweighted.representative(), SHOWN * noise.std
     measured_data = channel.data(representative.experiments, model, likelihood.representative().simulate(model))
-    data = {**measured_data, 'residual': strength, 'mean': strength, 'lag': 0.0}
+    data = {**measured_data, 'residual': strength, 'mean': strength, 'lag': 0.0, 'setpoint_lag': 0.0}
 
     def is_visible(complement: Complement, least: float, name: str) -> bool:
         return _is_visible(complement, name, channel.library[name].starts(data), least)

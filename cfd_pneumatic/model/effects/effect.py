@@ -9,7 +9,9 @@ states, and its parameters in their order.
 
 The states of an effect follow a value, `EFFECT.follows`: the flow, the rate of the chamber, or the signal. The function
 ``evolve(moment, value, *states, *parameters)`` returns the rates of the states. An effect that follows the error or the
-displacement is a backlash: the result of its function becomes its single state at the end of a step.
+displacement is a backlash: the result of its function becomes its single state at the end of a step. States that follow
+the set-point are exact at any step size: the function ``follow(elapsed, setpoint, *states, *parameters)`` returns the
+states after any time [s] at a constant commanded set-point [Pa], at which the first state rests.
 
 An effect may also have a function ``hold(moment, *parameters)``, for values that are constant between two samples, as
 the set-point and the piston's speed are. The effect's other functions then take the result of ``hold``, `EFFECT.held`
@@ -188,8 +190,8 @@ class Effect:
     held
         Number of results of the function `hold`, which other functions take in place of the parameters.
     follows
-        Value that the states follow: `flow`, `chamber` or `signal`; `error` or `displacement` for a backlash; `motion`
-        for an effect on the force.
+        Value that the states follow: `flow`, `chamber`, `signal` or `setpoint`; `error` or `displacement` for a
+        backlash; `motion` for an effect on the force.
     rests_at_pressure
         Whether the first state rests at the set-point, and not at zero.
     moves_rest
@@ -197,7 +199,8 @@ class Effect:
     rests_anywhere
         Whether the cylinder may rest at any pressure near the set-point, so that the first pressure has to be fitted.
     late
-        Signal that lags by the only parameter [s], `reading` or `displacement`; recordings are shifted in time.
+        Signal that lags by the only parameter [s], `reading`, `displacement` or `setpoint`; recordings are shifted in
+        time.
     looks_ahead
         Whether the displacement is extrapolated by the first parameter [s], which adds noise of the speed.
     quickens
@@ -252,7 +255,7 @@ class Effect:
     rests_at_pressure: bool = False
     moves_rest: bool = False
     rests_anywhere: bool = False
-    late: Literal['', 'reading', 'displacement'] = ''
+    late: Literal['', 'reading', 'displacement', 'setpoint'] = ''
     looks_ahead: bool = False
     quickens: Callable[..., float] | None = field(default=None, repr=False)
     fastest: Callable[..., float] | None = field(default=None, repr=False)
@@ -268,6 +271,11 @@ class Effect:
     def advice(self) -> str:
         """What to record so that the effect is visible, and how often to sample, for people."""
         return f'{self.shown_by}, sampled at {self.shown_at:g} Hz or more' if self.shown_at else self.shown_by
+
+    @property
+    def is_of_command(self) -> bool:
+        """Whether the effect changes when a commanded set-point acts; only steps of recorded set-points show it."""
+        return 'setpoint' in (self.late, self.follows)
 
     @lazy_property
     def null(self) -> tuple[float, ...]:
