@@ -28,6 +28,14 @@ def test_messages_that_are_packed_one_by_one_are_unpacked_without_metadata(tmp_p
         np.testing.assert_array_equal(found.displacement.values, with_metadata.displacement.values)
 
 
+@pytest.mark.parametrize('storage', ['mcap', 'sqlite3'])
+def test_a_folder_with_the_suffix_of_ros_1_is_read_as_its_files_are(tmp_path, storage):
+    for name in ('press', 'press.bag'):
+        write_bag(tmp_path / name, plain_messages(), storage=storage)
+    plain, suffixed = (read_recording(tmp_path / name) for name in ('press', 'press.bag'))
+    np.testing.assert_array_equal(suffixed.displacement.values, plain.displacement.values)
+
+
 def write_ros1_in_mcap(path, names=('acme/Press', 'acme/Press')):
     """Write a file as converters from ROS 1 do: packed numbers, definitions of ROS 1, names without `msg`."""
     writer = McapWriter(str(path))

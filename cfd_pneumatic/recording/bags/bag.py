@@ -94,7 +94,7 @@ class Bag:
         self.path = path
         self.notes: list[str] = []
         self.remarks: dict[str, str] = {}
-        self.serialization = Serialization.ROS1 if path.suffix == ROS1_SUFFIX else Serialization.CDR
+        self.serialization = Serialization.CDR
         self._stack = ExitStack()
         self._packed = False  # whether each message is compressed by itself
         self._size = 0  # of the bag's files [bytes]
@@ -180,6 +180,7 @@ class Bag:
         if self.path.is_dir():
             return self._open_folder()
         if self.path.suffix == ROS1_SUFFIX:
+            self.serialization = Serialization.ROS1
             return [self._open_ros1()]
         storage = storage_of(self.path)
         if storage is not None:

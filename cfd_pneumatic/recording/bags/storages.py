@@ -103,6 +103,6 @@ def storage_of(path: Path) -> Storage | None:
 
 def remedy_of(path: Path) -> str:
     """Return advice on repairing a damaged file or folder of a bag."""
-    if path.suffix == ROS1_SUFFIX:
+    if path.suffix == ROS1_SUFFIX and not path.is_dir():
         return ROS1_REMEDY
     return (storage_of(path) or STORAGES['mcap']).remedy
