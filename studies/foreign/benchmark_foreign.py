@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import collections
+import hashlib
 import json
 import os
 import resource
@@ -86,7 +87,7 @@ class Row:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure the recordings that have no row yet, and write the document; return the exit code."""
     options = _parsed(arguments)
-    version = code_version()
+    version = _version()
     jobs = [(kind, seed) for kind in options.kinds for seed in options.seeds]
     rows = _read_rows(options.rows, version)
     pending = [job for job in jobs if job not in rows]
@@ -111,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def measure(kind: str, seed: int, keep: Path | None, limit: float, version: str) -> Row:
     """Write a table, identify the table as a user would, and return the answer."""
     recorded = record(kind, seed)
-    layout = list(FORMATS)[seed % len(FORMATS)]
+    layout = list(FORMATS)[(seed + list(KINDS).index(kind)) % len(FORMATS)]
     with nullcontext(str(keep / f'{kind}_{seed}')) if keep else tempfile.TemporaryDirectory() as name:
         folder = Path(name).resolve()
         folder.mkdir(parents=True, exist_ok=True)
@@ -199,6 +200,12 @@ def _test_error(errors: Mapping[str, Mapping[str, float]]) -> float | None:
     """Return the RMSE on the test part; None without a test part."""
     part = errors.get('test', {})
     return next((value for key, value in part.items() if key.startswith('rmse_')), None)
+
+
+def _version() -> str:
+    """Return a fingerprint of the package and of the devices."""
+    texts = [path.read_bytes() for path in sorted(Path(__file__).parent.glob('*.py')) if path != Path(__file__)]
+    return hashlib.sha256(b''.join([code_version().encode(), *texts])).hexdigest()[:12]
 
 
 def _read_rows(path: Path, version: str) -> dict[tuple[str, int], Row]:
