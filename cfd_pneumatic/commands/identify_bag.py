@@ -8,7 +8,9 @@ import json
 import math
 import os
 import re
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -84,6 +86,11 @@ def make_parser() -> argparse.ArgumentParser:
         default=AUTO,
         help="equations to which effects are added: the paper's linear equations, the physical equations before "
         'linearisation, or those that --close-loop selects (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--thorough',
+        action='store_true',
+        help='search effects and curves without a limit (default: about 10 s for a minute of one cylinder)',
     )
     parser.add_argument(
         '--tolerance',
@@ -202,6 +209,7 @@ def _identify(args: Sequence[str] | None) -> None:
         geometric_factor=arguments.geometric_factor,
         core=arguments.core,
         tolerance=tolerance_from(arguments.tolerance),
+        thorough=arguments.thorough,
     )
     _check_draft(arguments)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
@@ -256,8 +264,13 @@ def _identify_together(arguments: argparse.Namespace, options: Options, mapping:
         report('read', 0.2)
     if arguments.progress != 'lines':
         _print_recordings(recordings, options)
-    with _progress(arguments.progress) as report:
-        identification = identify(recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share))
+    with (
+        _progress(arguments.progress, remaining=True) as report,
+        _interruption(stops=options.close_loop) as is_interrupted,
+    ):
+        identification = identify(
+            recordings, options, lambda what, share: report(what, 0.2 + 0.7 * share), is_interrupted
+        )
         report('writing the report', 0.9)
         written = write_report(identification, arguments.output, full=arguments.full, overwrite=arguments.overwrite)
         report('done', 1.0)
@@ -303,7 +316,7 @@ def _print_recordings(recordings: Sequence[Recording], options: Options) -> None
     for notice in warnings:
         print(f'warning: {notice}')
     if warnings:
-        print('The identification continues. Press Ctrl-C to stop it and correct the input first.')
+        print('The identification continues. Press Ctrl-C twice to end it and correct the input first.')
     sys.stdout.flush()
 
 
@@ -347,6 +360,31 @@ def _identify_each(arguments: argparse.Namespace, options: Options, mapping: Cha
     if arguments.progress != 'lines':
         print(results.summary)
         print(f'written: {", ".join(map(str, results.files))}')
+
+
+@contextmanager
+def _interruption(*, stops: bool) -> Iterator[Callable[[], bool]]:
+    """
+    Yield a function that returns whether Ctrl-C was pressed, if it only stops the search.
+
+    A second Ctrl-C ends the program, as every Ctrl-C does without a search.
+    """
+    interrupted = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # which alone may handle signals
+        yield interrupted.is_set
+        return
+
+    def handle(*_: object) -> None:
+        if interrupted.is_set() or not stops:
+            raise KeyboardInterrupt
+        interrupted.set()
+        sys.stderr.write('\nThe search ends; the report has the best answer. Press Ctrl-C again to end without one.\n')
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield interrupted.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -84,6 +84,8 @@ class Conclusion:
         Whether effects were searched; false for recordings with a likely input error.
     contradictions
         Clauses that withdraw the verdict, such as an error that grows from some time on.
+    not_tried
+        Parts of the search that its limit or the user prevented.
 
     """
 
@@ -104,6 +106,7 @@ class Conclusion:
     unknown: Characteristic | None = None
     is_searched: bool = True
     contradictions: tuple[str, ...] = ()
+    not_tried: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:

@@ -124,6 +124,7 @@ def close_loop(
         unknown=unknown,
         is_searched=searching,
         contradictions=tuple(contradictions),
+        not_tried=likelihood.effort.skipped,
     )
     return after, conclusion
 

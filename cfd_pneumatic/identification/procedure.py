@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
+from threading import Lock
 
 import numpy as np
 
@@ -16,6 +19,7 @@ from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data import (
     FRACTIONS,
     PHYSICAL,
+    Effort,
     Experiment,
     Motion,
     Options,
@@ -38,7 +42,13 @@ from cfd_pneumatic.identification.input_checks import (
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
 from cfd_pneumatic.identification.search import with_core
-from cfd_pneumatic.identification.thresholds import LARGEST_SETPOINT_GAP, MOST_SAMPLES_TOGETHER
+from cfd_pneumatic.identification.thresholds import (
+    LARGEST_EFFORT,
+    LARGEST_EFFORT_PER_STEP,
+    LARGEST_SETPOINT_GAP,
+    LEAST_PROGRESS,
+    MOST_SAMPLES_TOGETHER,
+)
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.recording import Recording, split_at_gaps
 from cfd_pneumatic.runtime import map_in_threads
@@ -97,13 +107,25 @@ def prepare_recordings(recordings: Sequence[Recording], fractions: tuple[float, 
 
 
 def identify(
-    recordings: Sequence[Recording], options: Options = Options(), progress: Progress = lambda _what, _share: None
+    recordings: Sequence[Recording],
+    options: Options = Options(),
+    progress: Progress = lambda _what, _share: None,
+    is_stopped: Callable[[], bool] = lambda: False,
 ) -> Identification:
     """
     Identify each recorded channel, jointly over all recordings.
 
     A failure of the force does not prevent the identification of the cylinders. Each piece of a recording between gaps
     is a separate recording.
+
+    Parameters
+    ----------
+    recordings, options
+        Recordings of one device, and how to identify them.
+    progress
+        See `Progress`.
+    is_stopped
+        Returns whether the search for effects has to end with the best answer so far.
 
     Raises
     ------
@@ -145,22 +167,80 @@ def identify(
         reason = _combine(fit_notices) if fit_notices else errors[0]
         raise _with_input_warnings(reason, recordings, options)
 
+    shown = _Progress(progress, len(channels))
+
     def result_of(channel: Channel) -> ChannelResult:
-        result = _identify_channel(channel, fitted[channel], data, options, misread=channel.name in not_searched)
-        waiting.remove(channel.name)
-        share = 1.0 - (1.0 - _SMOOTHING_SHARE) * len(waiting) / len(channels)
-        progress(f'fitting {", ".join(waiting)}' if waiting else 'done', share)
+        fit = fitted[channel]
+        effort = _effort_of(fit, options, is_stopped, partial(shown.show, channel.name))
+        fit = replace(fit, likelihood=replace(fit.likelihood, effort=effort))
+        result = _identify_channel(channel, fit, data, options, misread=channel.name in not_searched)
+        shown.end(channel.name)
         return result
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
+    progress('done', 1.0)
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
     notices += tuple(_notice_of(error, misread) for error in failed.values())
     results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
     return Identification(
-        tuple(recordings), data.recordings, data.splits, data.no_test, results, unidentified, options, notices
+        tuple(recordings),
+        data.recordings,
+        data.splits,
+        data.no_test,
+        results,
+        unidentified,
+        options,
+        notices,
+        is_interrupted=is_stopped(),
     )
+
+
+def _effort_of(fit: Fit, options: Options, is_stopped: Callable[[], bool], report: Callable[[Effort], None]) -> Effort:
+    """Return the effort that the search of a channel may take."""
+    limit = LARGEST_EFFORT + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
+    return Effort(math.inf if options.thorough else limit, is_stopped, report)
+
+
+class _Progress:
+    """
+    Progress of all channels' searches.
+
+    Parameters
+    ----------
+    progress
+        Shows the current activity and the completed share.
+    channels
+        Number of channels.
+
+    """
+
+    def __init__(self, progress: Progress, channels: int) -> None:
+        self._progress = progress
+        self._shares: dict[str, float] = {}
+        self._channels = channels
+        self._shown = '', 0.0
+        self._lock = Lock()
+
+    def show(self, channel: str, effort: Effort) -> None:
+        """Show what a channel tries, its least error, and the share of its effort."""
+        error = '' if effort.error is None else f', error {effort.error:.3g} times the noise'
+        share = min(effort.spent / effort.limit, 1.0) if math.isfinite(effort.limit) else 0.0
+        self._update(channel, share, f'{channel}: {effort.question}{error}' if effort.question else '')
+
+    def end(self, channel: str) -> None:
+        """Count a channel as complete."""
+        self._update(channel, 1.0, '')
+
+    def _update(self, channel: str, share: float, what: str) -> None:
+        with self._lock:
+            self._shares[channel] = share
+            total = _SMOOTHING_SHARE + (1.0 - _SMOOTHING_SHARE) * sum(self._shares.values()) / self._channels
+            text, before = self._shown
+            if (what or text) != text or total - before >= LEAST_PROGRESS:
+                self._shown = what or text, max(total, before)
+                self._progress(*self._shown)
 
 
 def _remove_ripple(

@@ -240,6 +240,8 @@ class Identification:
         Options of the identification.
     notices
         Warnings about likely input errors, and notes about assumptions.
+    is_interrupted
+        Whether the user ended the search; the result is the best answer until then.
 
     """
 
@@ -251,6 +253,7 @@ class Identification:
     unidentified: Mapping[str, str]
     options: Options
     notices: tuple[Notice, ...] = ()
+    is_interrupted: bool = False
 
     @property
     def ambient_pressure(self) -> float:

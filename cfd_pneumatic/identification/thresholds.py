@@ -11,6 +11,21 @@ Displacement samples up to which channels are identified in parallel [samples]. 
 Origin: not known.
 """
 
+LARGEST_EFFORT = 36e6
+"""
+Largest effort of a channel's search, besides `LARGEST_EFFORT_PER_STEP` [simulated steps].
+Origin: with both limits a minute at 500 Hz takes 10 units of docs/measurements/speed.md.
+"""
+
+LARGEST_EFFORT_PER_STEP = 300.0
+"""
+Largest effort of a channel's search for each step of its recordings [simulated steps].
+Origin: see `LARGEST_EFFORT`.
+"""
+
+LEAST_PROGRESS = 0.01
+"""Least change of the completed share that is reported [-]. Origin: a bar has about 100 characters."""
+
 LARGEST_SETPOINT_GAP = 0.03
 """Largest gap between adjacent set-points of one operating point [absolute pressure]. Origin: not known."""
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import signal
 import subprocess
 import threading
 import time
@@ -112,7 +111,7 @@ class FitProcess:
         """Ask the process to end; outputs are written completely or not at all."""
         if self._kill_at == math.inf:
             self._kill_at = time.monotonic() + _PATIENCE
-            self._process.send_signal(signal.SIGINT)
+            self._process.terminate()
 
     def end(self) -> None:
         """Cancel the process and wait until it has ended."""

@@ -26,7 +26,7 @@ from cfd_pneumatic.identification import (
 )
 from cfd_pneumatic.model import NAMES, SPECS
 from cfd_pneumatic.notices import WARNING
-from cfd_pneumatic.reporting.summary import LABELS, summarise
+from cfd_pneumatic.reporting.summary import LABELS, summarise, unfinished
 from cfd_pneumatic.terminal import table
 from cfd_pneumatic.units import PSI
 
@@ -106,6 +106,8 @@ def _print_findings(result: ChannelResult, console: Console) -> None:
         console.print(_effect_table(result))
     if findings.tried:
         console.print(_trial_table(result))
+    if findings.not_tried:
+        console.print(sentence(unfinished(findings)))
     if findings.next_experiment:
         console.print(f'Record next: {findings.next_experiment}.')
 

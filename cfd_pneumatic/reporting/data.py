@@ -52,6 +52,7 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
             ],
         },
         'ambient_pressure_pa': identification.ambient_pressure,
+        'interrupted': identification.is_interrupted,
         'cylinders': {
             name: _cylinder_data(result, identification)
             | (_findings_data(closed_results[name]) if name in closed_results else {})
@@ -163,6 +164,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         ],
         'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
         'not_visible': list(findings.not_visible),
+        'not_tried': list(findings.not_tried),
         'next_experiment': findings.next_experiment,
     }
 

@@ -28,7 +28,7 @@ from cfd_pneumatic.notices import NOTE, WARNING
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import figures
 from cfd_pneumatic.reporting.advice import next_plan
-from cfd_pneumatic.reporting.summary import LABELS, summarise
+from cfd_pneumatic.reporting.summary import LABELS, summarise, unfinished
 from cfd_pneumatic.reporting.template import rendered
 
 TEMPLATE = 'report.html.jinja'
@@ -125,6 +125,7 @@ def _section(result: ChannelResult, live: PartError | None) -> dict[str, Any]:
         'errors': list(_errors(result)),
         'live': live,
         'remaining_error': describe_remaining_error(result),
+        'unfinished': unfinished(findings) if findings.not_tried else '',
         'rounds': [_round(trials) for trials in findings.rounds],
         'tests': _test_pairs(findings.tests_before, findings.tests_after),
         'parameters': list(_gain_rows(result)),

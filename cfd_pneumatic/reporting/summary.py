@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import chain
 from typing import NamedTuple
@@ -146,6 +147,8 @@ def _certainty(result: ChannelResult) -> str:
     if findings.verdict == 'unexplained' and not findings.effects:
         if not findings.is_searched:
             return 'No effect was searched, because the input data look wrong.'
+        if findings.not_tried:
+            return f'No answer yet: {unfinished(findings)}'
         return 'The error is real. All known effects were tried; none explains the error.'
     if findings.status != 'confirmed':
         return f'{_UNDECIDED if _may_be_more_than_noise(findings) else _HYPOTHESIS} {_reduction(result)}'
@@ -155,6 +158,13 @@ def _certainty(result: ChannelResult) -> str:
         if len(findings.effects) > 1:
             status = 'Confirmed, except which of the effects acts that this recording cannot distinguish.'
     return f'{status} {_reduction(result)}'
+
+
+def unfinished(findings: Conclusion) -> str:
+    """Return which parts of a search were not tried, as a sentence."""
+    parts = ', '.join(findings.not_tried)
+    named = re.sub(r'\w+', lambda word: readable_name(word[0]) if word[0] in EFFECTS else word[0], parts)
+    return f'the search ended before it tried {named}. With --thorough it has no limit.'
 
 
 def _may_be_more_than_noise(findings: Conclusion) -> bool:

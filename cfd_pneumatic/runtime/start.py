@@ -63,7 +63,8 @@ def _run_program(module: str) -> int:
         signal.signal(signal.SIGTERM, lambda *_: os._exit(0))
     main = _import_uncollected(module).main
     if not is_node:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for number in (signal.SIGINT, signal.SIGTERM):  # which ends the program like Ctrl-C, without half a result
+            signal.signal(number, signal.default_int_handler)
         gc.set_threshold(_COLLECTION_THRESHOLD)
     code: int = main()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program is finished

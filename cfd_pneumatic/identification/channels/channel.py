@@ -17,7 +17,7 @@ from cfd_pneumatic.identification.channels.unknown import Unknown, search_bounds
 from cfd_pneumatic.identification.data import Experiment, Motion, Options, Split
 from cfd_pneumatic.identification.residual import Noise, Regressors, estimate_noise, rounding_step, sample_noise
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.model import CORES, KNOTS, Data, Effect
+from cfd_pneumatic.model import CORES, COUNT, KNOTS, Data, Effect
 from cfd_pneumatic.recording import Recording, Signal
 
 EVEN = 1e6
@@ -278,6 +278,10 @@ class Channel(ABC):
             Samples of the piece, and the signal there, shape (m, models) [SI].
 
         """
+
+    def effort(self, experiment: Experiment, effects: Sequence[str], row: Array, models: int, count: int) -> float:
+        """Return the effort of a simulation by some models side by side [simulated steps]; `row` as in `linearised`."""
+        return math.ceil(models / COUNT) * count
 
     def linearised(
         self, experiment: Experiment, effects: Sequence[str], row: Array, slots: Indices, steps: Array, count: int

@@ -26,6 +26,8 @@ from cfd_pneumatic.identification.channels.channel import (
     stepped,
 )
 from cfd_pneumatic.identification.channels.thresholds import (
+    CURVE_EFFORT,
+    EXACT_EFFORT,
     FLOW_LAG_STARTS,
     LARGEST_PRESSURE,
     LARGEST_RATE_PER_SAMPLE,
@@ -34,6 +36,7 @@ from cfd_pneumatic.identification.channels.thresholds import (
     LEAST_LEVEL_RATIO,
     LEAST_PISTON_EVIDENCE,
     LINEARISED_PERIODS,
+    PHYSICAL_EFFORT,
     SENSED_START_TIME,
     SHORTEST_GAP,
     SHORTEST_STROKE,
@@ -66,6 +69,7 @@ from cfd_pneumatic.identification.residual import (
 from cfd_pneumatic.model import (
     BOTH_WAYS,
     CORES,
+    COUNT,
     CURVE,
     DIRECTIONS,
     HINTS,
@@ -356,16 +360,8 @@ class Pressure(Channel):
         `stiffness_rows`, from which the remaining rows hardly differ. If an effect changes the chamber's motion or its
         time, no step is longer than a straight line of the displacement.
         """
-        cylinders = [
-            ExtendedCylinder(
-                row[: len(SPECS)],
-                {name: row[list(self.slots_of(name))].tolist() for name in effects},
-                self.ambient_pressure,
-            )
-            for row in stiffness_rows
-        ]
-        stiffest = max(cylinder.stiffness(*experiment.extremes) for cylinder in cylinders)
-        stiffness = min(stiffest, LARGEST_RATE_PER_SAMPLE / experiment.period)
+        cylinders = self._cylinders(effects, stiffness_rows)
+        stiffness = _stiffness(experiment, cylinders)
         at_rest = experiment.starts_with_recording and experiment.starts_at_rest
         settles = at_rest and any(self.effects[name].moves_rest for name in effects)
         delay_slots = self._delay_slots(effects)
@@ -401,6 +397,28 @@ class Pressure(Channel):
                 course[:, :1],
                 readings_of_groups[0] if len(readings_of_groups) == 1 else np.hstack(readings_of_groups)[:, order],
             )
+
+    def effort(self, experiment: Experiment, effects: Sequence[str], row: Array, models: int, count: int) -> float:
+        """Return the effort: equations of flow cost three times those of an effect, and curves twice."""
+        if not effects:
+            return EXACT_EFFORT * count
+        grid = experiment.parabolic or experiment
+        stiffness = _stiffness(experiment, self._cylinders(effects, row[None]))
+        mean_step = float(grid.times[-1] - grid.times[0]) / max(grid.times.size - 1, 1)
+        points = grid.times.size * count / experiment.part.size
+        weight = 1.0 + PHYSICAL_EFFORT * any(name in self.cores for name in effects) + CURVE_EFFORT * (CURVE in effects)
+        return weight * points * max(mean_step * stiffness, 1.0) * math.ceil(models / COUNT)
+
+    def _cylinders(self, effects: Sequence[str], rows: Array) -> list[ExtendedCylinder]:
+        """Return the cylinder of each row."""
+        return [
+            ExtendedCylinder(
+                row[: len(SPECS)],
+                {name: row[list(self.slots_of(name))].tolist() for name in effects},
+                self.ambient_pressure,
+            )
+            for row in rows
+        ]
 
     def _delay_slots(self, effects: Sequence[str]) -> list[list[int]]:
         """Return the slots of the delays of the reading, of the displacement, and of the set-point."""
@@ -565,6 +583,12 @@ class Pressure(Channel):
             'piston speed': np.gradient(displacement, experiment.sample_times),
             'set-point': experiment.at_samples('setpoint'),
         }
+
+
+def _stiffness(experiment: Experiment, cylinders: Sequence[ExtendedCylinder]) -> float:
+    """Return the inverse of the longest step at which all cylinders are simulated [1/s]."""
+    stiffest = max(cylinder.stiffness(*experiment.extremes) for cylinder in cylinders)
+    return min(stiffest, LARGEST_RATE_PER_SAMPLE / experiment.period)
 
 
 def _acting_setpoint(experiment: Experiment, model: Model) -> Array:

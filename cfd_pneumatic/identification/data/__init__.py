@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
+    from cfd_pneumatic.identification.data.effort import Effort
     from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
     from cfd_pneumatic.identification.data.motion import Motion, observed_motion, smooth_motion
     from cfd_pneumatic.identification.data.options import AUTO, CORES, FRACTIONS, LINEAR, PHYSICAL, Options

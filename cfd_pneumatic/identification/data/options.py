@@ -45,6 +45,8 @@ class Options:
         One of `CORES`: the paper's linear equations, the equations before linearisation, or the loop's choice.
     tolerance
         Errors that do not matter: a smaller remaining error does not make the verdict `unexplained`.
+    thorough
+        Search without a limit of the effort.
 
     Raises
     ------
@@ -61,11 +63,12 @@ class Options:
     geometric_factor: float | None = None
     core: str = AUTO
     tolerance: Tolerance = ()
+    thorough: bool = False
 
     def __post_init__(self) -> None:
         """Check types and ranges."""
         area, factor = self.area, self.geometric_factor
-        check_switches(per_setpoint=self.per_setpoint, close_loop=self.close_loop)
+        check_switches(per_setpoint=self.per_setpoint, close_loop=self.close_loop, thorough=self.thorough)
         check_numbers(ambient_pressure=self.ambient_pressure)
         check_numbers(optional=True, area=area, geometric_factor=factor)
         check_type('fractions', self.fractions, Collection, 'three shares')

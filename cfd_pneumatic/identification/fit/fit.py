@@ -163,6 +163,7 @@ def find_optimum(
         evaluations,
         enough,
         unknowns.longest_step,
+        likelihood.effort.is_stopped,
     )
     return Optimum(unknowns.model(point), cost.total)
 

@@ -94,6 +94,7 @@ def least_squares(
     evaluations: int,
     enough: float = 0.0,
     longest: Array | None = None,
+    is_stopped: Callable[[], bool] = lambda: False,
 ) -> tuple[Array, Quadratic]:
     """
     Return the point with the least sum of squared residuals near a start, and the quadratic there.
@@ -117,6 +118,8 @@ def least_squares(
         Sum at which the search ends.
     longest
         Largest step of each unknown, shape (k,); by default unlimited.
+    is_stopped
+        Returns whether the user has ended the search, which then ends at the best point so far.
 
     """
     longest = np.full(start.size, np.inf) if longest is None else longest
@@ -126,7 +129,7 @@ def least_squares(
         return point, replace(current, total=math.inf)
     damping = FIRST_DAMPING
     for _ in range(evaluations - 1):
-        if current.total <= enough:
+        if current.total <= enough or is_stopped():
             break
         step, predicted = _step(current, damping, lower - point, upper - point, longest)
         if predicted <= tolerance * current.total:

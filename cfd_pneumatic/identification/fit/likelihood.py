@@ -19,7 +19,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array, Indices, Mask
 from cfd_pneumatic.identification.channels import Channel, Model, Unknown
-from cfd_pneumatic.identification.data import PARTS, Experiment
+from cfd_pneumatic.identification.data import PARTS, Effort, Experiment
 from cfd_pneumatic.identification.fit.levenberg import Quadratic
 from cfd_pneumatic.identification.fit.thresholds import (
     DIFFERENCE_STEP,
@@ -143,12 +143,15 @@ class Likelihood:
         Recordings of the channel.
     weights
         Weights of each experiment's samples, shape (m,).
+    effort
+        Counts the simulated steps; parts of a likelihood share it.
 
     """
 
     channel: Channel
     experiments: tuple[Experiment, ...]
     weights: tuple[Array, ...]
+    effort: Effort = field(default_factory=Effort, repr=False, compare=False)
     _simulated: WeakKeyDictionary[Model, list[Array]] = field(default_factory=WeakKeyDictionary, init=False, repr=False)
 
     @classmethod
@@ -313,6 +316,7 @@ class Likelihood:
 
         """
         row, scales = unknowns.row(point), unknowns.scales(point)
+        self.effort.add(self._effort(unknowns, row))
         steps = np.where(point + DIFFERENCE_STEP <= unknowns.upper, DIFFERENCE_STEP, -DIFFERENCE_STEP) * scales
         for experiment, weight in zip(self.experiments, self.weights):
             counts = experiment.counts
@@ -333,6 +337,23 @@ class Likelihood:
                     scales[indices],
                 )
                 yield rows, indices
+
+    def effort_of(self, model: Model, models: int | None = None) -> float:
+        """Return the effort of several models like `model`, by default of its derivatives [simulated steps]."""
+        unknowns = Unknowns(self.channel, self.experiments, model)
+        return self._effort(unknowns, unknowns.row(unknowns.start), models)
+
+    def _effort(self, unknowns: Unknowns, row: Array, models: int | None = None) -> float:
+        return sum(
+            self.channel.effort(
+                experiment,
+                unknowns.parts,
+                self.channel.rows_of_experiment(row[None], experiment)[0],
+                1 + unknowns.concerning(experiment)[0].size if models is None else models,
+                experiment.part.size,
+            )
+            for experiment in self.experiments
+        )
 
     # comparison of models
 

@@ -87,6 +87,7 @@ class Candidates:
 
     def __init__(self, likelihood: Likelihood, start: Model) -> None:
         self.channel = likelihood.channel
+        self.effort = likelihood.effort
         train, representative = likelihood.until('train'), likelihood.representative()
         self.train_validation = representative.until('validation')
         self.train = representative.until('train')

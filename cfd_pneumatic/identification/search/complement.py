@@ -75,6 +75,7 @@ class Complement:
     def changes(self, effect: str, starts: Sequence[Start]) -> Array:
         """Return by what an effect with some parameters changes the simulation, weighted, shape (n, starts)."""
         models = [replace(self.model, effects={**self.model.effects, effect: start}) for start in starts]
+        self.likelihood.effort.add(self.likelihood.effort_of(models[0], len(models)))
         simulations = self.likelihood.channel.simulate(self.likelihood.experiments, models)
         columns = [
             self.likelihood.counted([simulated[:, rank] for simulated in simulations]) for rank in range(len(starts))

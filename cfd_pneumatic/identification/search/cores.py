@@ -120,6 +120,8 @@ class Cores:
         result = Search(self.candidates, base).run()
         if not result.model.effects or result.model in fresh or self.candidates.has_noise_residual(result.model):
             return result
+        if not self.candidates.effort.allows(f'the physical core again with {" and ".join(result.model.effects)}'):
+            return result
         again = self.candidates.with_core(result.model, self._name)
         return replace(result, model=min(result.model, again, key=lambda candidate: candidate.rss))
 

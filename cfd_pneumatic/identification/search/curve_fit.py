@@ -48,7 +48,9 @@ def fit_curve(
         return Quadratic(quadratic.total + float(point @ slope), quadratic.gradient + slope, quadratic.normal + penalty)
 
     first, lower, upper = unknowns.start, unknowns.lower, unknowns.upper
-    point, reached = least_squares(evaluate, first, lower, upper, *search, longest=unknowns.longest_step)
+    point, reached = least_squares(
+        evaluate, first, lower, upper, *search, longest=unknowns.longest_step, is_stopped=likelihood.effort.is_stopped
+    )
     return Optimum(unknowns.model(point), reached.total)
 
 

@@ -28,6 +28,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     CLEARLY_SMALLER_ERROR,
     CURVE_START_SHARES,
     CURVE_STRETCH_STEPS,
+    EXPECTED_CURVE_EVALUATIONS,
     FAR_SMALLER_ERROR,
     LARGE_RESIDUAL,
     LARGEST_ALIKE_ERROR,
@@ -37,6 +38,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_ERROR_FOR_NEW_CORE,
     LARGEST_NEAR_NOISE,
     LARGEST_REMAINDER_OF_SOLE_CURVE,
+    LARGEST_SHARPENED_SQUARES,
     LARGEST_SKETCH_RESIDUAL,
     LARGEST_SKETCH_SQUARES,
     LEAST_CURVE_EVIDENCE,
@@ -99,6 +101,7 @@ class CurveSearch:
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
         self._stretches = candidates.train.spread(CURVE_STRETCH_STEPS)
+        self._effort = candidates.effort
         self._noise_squares = candidates.noise**2 * self._stretches.samples
         self._known_curves: dict[Candidate, list[FittedCurve]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
@@ -172,6 +175,8 @@ class CurveSearch:
 
         """
         sketches = self._sketches.get(base)
+        if not self._effort.allows('curves with the physical core'):
+            return None
         limit = LARGEST_ERROR_FOR_NEW_CORE**2 * min(
             self._stretch_squares(candidate.model) for candidate in (base, core)
         )
@@ -186,7 +191,7 @@ class CurveSearch:
     def fit_with_effects(self, base: Candidate, known: Sequence[Candidate]) -> FittedCurve | None:
         """Return a curve with effects that are searched together with the curve; effects found without it may err."""
         sketches = self._sketches.get(base)
-        if not sketches:
+        if not sketches or not self._effort.allows('effects together with a curve'):
             return None
         with_curve = self.candidates.to_candidate(sketches[0].optimum.model, base.model)
         for _ in range(MOST_EFFECTS_WITH_CURVE):
@@ -260,16 +265,17 @@ class CurveSearch:
     def _best_sketches(self, base: Candidate, screened: Sequence[ScreenedCurve]) -> list[_Sketch]:
         """Return sketches whose residual comes near the noise, earlier sketches included, the best first."""
         sketches = self._fit_sketches(base, [(curve, self._start_with_curve(base, curve)) for curve in screened])
+        largest = (
+            LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
+        ) ** 2 * self._noise_squares
         moved = [
             variant
             for sketch in sketches[:SHARPENED_SKETCHES]
+            if sketch.optimum.cost < LARGEST_SHARPENED_SQUARES * largest
             for variant in _with_moved_knots(sketch.screened, sketch.optimum.model)
         ]
         sketches = _sort_by_cost(self._sketches.get(base, []) + sketches + self._fit_sketches(base, moved))
         self._sketches[base] = sketches
-        largest = (
-            LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
-        ) ** 2 * self._noise_squares
         limit = min(LARGEST_SKETCH_SQUARES * sketches[0].optimum.cost, largest) if sketches else 0.0
         return _best_of_each_place([sketch for sketch in sketches if sketch.optimum.cost < limit])
 
@@ -285,6 +291,10 @@ class CurveSearch:
                 fit_curve(self.candidates.train, model, screened, ROUGH_CURVE_SEARCH).model, base.model
             )
 
+        evaluations = len(starts) * EXPECTED_CURVE_EVALUATIONS
+        steps = evaluations * self.candidates.train.effort_of(starts[0][1]) if starts else 0.0
+        if starts and not self._effort.allows(_question(base), steps):
+            starts = []
         fits = map_in_threads(lambda start: fit(*start), starts)
         curves = [FittedCurve(screened, candidate, base, ()) for (screened, _), candidate in zip(starts, fits)]
         return [curve for curve in curves if curve.screened.place.curve.name in curve.candidate.effects]
@@ -337,6 +347,12 @@ class CurveSearch:
 
     def _fit_sketches(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[_Sketch]:
         """Return curves fitted to short stretches, each from a model that has the curve, the best first."""
+        if not starts:
+            return []
+        self._effort.ask(_question(base), self.candidates.residual_ratio(base))
+        steps = 2 * len(starts) * EXPECTED_CURVE_EVALUATIONS * self._stretches.effort_of(starts[0][1])
+        if not self._effort.allows(_question(base), steps):
+            return []
         share = independent_share(self.candidates.noise_autoregression(base))
 
         def sketch(screened: ScreenedCurve, model: Model) -> _Sketch:
@@ -353,6 +369,12 @@ class _Sketch(NamedTuple):
 
     screened: ScreenedCurve
     optimum: Optimum
+
+
+def _question(base: Candidate) -> str:
+    """Return what is tried when curves are added to a model."""
+    core = 'physical' if base.model.core else 'linear'
+    return f'curves with the {core} core' + (f' and {" and ".join(base.effects)}' if base.effects else '')
 
 
 def _sort_by_cost(sketches: Sequence[_Sketch]) -> list[_Sketch]:

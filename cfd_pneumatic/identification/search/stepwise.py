@@ -24,6 +24,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.thresholds import (
+    EXPECTED_EFFECT_EVALUATIONS,
     LARGEST_ALIKE_ERROR,
     LARGEST_ROUGH_RIVAL,
     LARGEST_SMALL_RESIDUAL,
@@ -178,8 +179,15 @@ class Search:
         self._accepted[tuple(model.effects)] = model
         if len(model.effects) >= self._most_effects(model):
             return SearchResult(model, {}, ())
+        effort = self.candidates.effort
+        if model.model.core and not effort.allows('effects with the physical core', self._trial_effort(model)):
+            return SearchResult(model, {}, ())
         first = self.try_effects(model)
-        results = [self._search_from(first, lead) for lead in first.leads]
+        results = [
+            self._search_from(first, lead)
+            for rank, lead in enumerate(first.leads)
+            if not rank or effort.allows(f'a search that begins with {lead}')
+        ]
         if not results:
             return SearchResult(model, {}, first.trials())
         best = results[0]
@@ -201,19 +209,31 @@ class Search:
             is_explained = is_small and self.candidates.has_noise_residual(model)
             if len(model.effects) >= self._most_effects(model) or is_explained or lead not in model.effects:
                 break
+            question = f'effects in addition to {" and ".join(model.model.parts)}'
+            if not self.candidates.effort.allows(question, self._trial_effort(model)):
+                break
             step = self.try_effects(model)
             if not step.leads:
                 trials += step.trials()
                 break
             lead = step.leads[0]
+        if not self.candidates.effort.allows(f'rivals of {" and ".join(model.effects)}'):
+            return SearchResult(model, {}, trials)
         model, alternatives = self.challenge(model, ranking)
         return SearchResult(model, alternatives, trials)
+
+    def _trial_effort(self, model: Candidate) -> float:
+        """Return the effort that a trial of every effect is expected to take [simulated steps]."""
+        return EXPECTED_EFFECT_EVALUATIONS * self._likelihood.effort_of(model.model)
 
     def _most_effects(self, model: Candidate) -> int:
         return MOST_EFFECTS if model.validation_rmse is not None else MOST_UNVALIDATED_EFFECTS
 
     def try_effects(self, model: Candidate, limit: float = math.inf) -> Step:
         """Try every effect in addition to a model; rough fits with a mean square above `limit` are not continued."""
+        core = 'physical' if model.model.core else 'linear'
+        added = ''.join(f' and {name}' for name in model.effects)
+        self.candidates.effort.ask(f'effects with the {core} core{added}', self.candidates.residual_ratio(model))
         chosen, unpromising = self.candidates.screen_effects(model, self.candidates.possible_effects(model))
         candidates = self._add_effects(model, chosen, limit)
         candidates |= self._add_effects(model, self._related_effects(candidates, unpromising), limit)

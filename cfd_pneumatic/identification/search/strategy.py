@@ -31,7 +31,7 @@ from cfd_pneumatic.identification.search.cores import Cores
 from cfd_pneumatic.identification.search.curve_search import VALVE_CURVE, CurveSearch, FittedCurve
 from cfd_pneumatic.identification.search.final_fit import finish, withdraw_trials
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
-from cfd_pneumatic.identification.search.thresholds import LARGE_RESIDUAL
+from cfd_pneumatic.identification.search.thresholds import CURVE_SHARE, EFFECT_SHARE, LARGE_RESIDUAL
 
 _CURVE_INSTEAD = 'replaced by an estimated curve'
 
@@ -79,6 +79,7 @@ class Strategy:
 
     def __init__(self, before: Fit, core: str, confirm: Confirm) -> None:
         self.before = before
+        self._effort = before.likelihood.effort
         self.candidates = Candidates(before.likelihood, before.model)
         self.cores = Cores(self.candidates, core)
         self.curves = CurveSearch(self.candidates)
@@ -90,11 +91,13 @@ class Strategy:
         if is_noise:
             result = self._core_for_autocorrelated_noise()
         else:
-            curve = self._curve_instead_of_effects()
+            with self._effort.share(CURVE_SHARE):
+                curve = self._curve_instead_of_effects()
             fit = None if curve is None else self._confirm(curve, self.before.model)
             if fit is not None:
                 return Answer(fit, {}, self.cores.tried, curve)
-            result = self._core_and_effects()
+            with self._effort.share(EFFECT_SHARE):
+                result = self._core_and_effects()
         finish_result = cache(partial(finish, self.before, result))
         with_curve = self._curve_after_effects(result, lambda: finish_result()[0])
         return Answer(*finish_result(), None) if with_curve is None else with_curve
@@ -158,7 +161,8 @@ class Strategy:
             result = self.cores.search_physical(base, fresh)
         for start in further:
             # A large residual may mean that the search began at a wrong model.
-            if self.candidates.residual_ratio(result.model) > LARGE_RESIDUAL:
+            is_large = self.candidates.residual_ratio(result.model) > LARGE_RESIDUAL
+            if is_large and self._effort.allows('effects with the physical core from a further start'):
                 again = self.cores.search_physical(start, fresh)
                 base, result = min((base, result), (start, again), key=lambda pair: pair[1].model.rss)
         return base, result

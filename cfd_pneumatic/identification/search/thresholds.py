@@ -245,6 +245,23 @@ Bounds of the factor by which a first fit changes the penalty on the bends of a 
 Origin: not known.
 """
 
+# Limit of the effort: strategy.py, curve_search.py, stepwise.py
+
+CURVE_SHARE = 0.35
+"""Share of the effort for curves before effects are combined [remaining effort]. Origin: not known."""
+
+EFFECT_SHARE = 0.7
+"""Share of the effort for core and effects, before curves in addition to them [remaining effort]. Origin: not known."""
+
+EXPECTED_CURVE_EVALUATIONS = 10
+"""Evaluations that the fit of a curve is expected to take [1]. Origin: not known."""
+
+EXPECTED_EFFECT_EVALUATIONS = 60
+"""
+Evaluations of the train part that a trial of every effect is expected to take, rough fits included [1].
+Origin: not known.
+"""
+
 # Choice of a curve: curve_search.py
 
 LARGEST_CURVE_REMAINDER = 0.7
@@ -305,6 +322,13 @@ SKETCHES_OF_PLACE = 2
 """
 Most fits of a curve in each place, with different knots, that are fitted to the train part [1].
 Origin: three similar curves of a place displaced the curves of further places (commit 0bd52a0).
+"""
+
+LARGEST_SHARPENED_SQUARES = 4.0
+"""
+Largest sum of squares of a curve on stretches that is fitted again with different knots [largest sum of squares that is
+fitted to the train part].
+Origin: not known.
 """
 
 LARGEST_SKETCH_RESIDUAL = 1.5

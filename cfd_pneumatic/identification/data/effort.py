@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Effort of a search: how many simulated steps it has cost, and how many it may cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Lock
+
+
+class Effort:
+    """
+    Effort of a search, in simulated steps of several models side by side.
+
+    Simulated steps are counted instead of time, so that a busy computer gives the same answer.
+
+    Parameters
+    ----------
+    limit
+        Largest effort [steps]; by default unlimited.
+    is_stopped
+        Returns whether the user has ended the search.
+    report
+        Called after each change of `question`, `spent` or `error`.
+
+    """
+
+    def __init__(
+        self,
+        limit: float = math.inf,
+        is_stopped: Callable[[], bool] = lambda: False,
+        report: Callable[[Effort], None] = lambda _effort: None,
+    ) -> None:
+        self.limit = limit
+        self.is_stopped = is_stopped
+        self.spent = 0.0
+        self.question = ''
+        """What is tried."""
+        self.error: float | None = None
+        """Least error so far [standard deviations of the noise]."""
+        self._allowed = limit
+        self._skipped: dict[str, None] = {}
+        self._report = report
+        self._lock = Lock()
+
+    def add(self, steps: float) -> None:
+        """Count simulated steps; threads may call this function."""
+        with self._lock:
+            self.spent += steps
+        self._report(self)
+
+    def ask(self, question: str, error: float | None = None) -> None:
+        """Note what is tried next, and the error of the best model so far [standard deviations of the noise]."""
+        self.question = question
+        if error is not None:
+            self.error = error if self.error is None else min(error, self.error)
+        self._report(self)
+
+    def allows(self, what: str, steps: float = 0.0) -> bool:
+        """Return whether a part of the search may begin that takes some steps; otherwise note that it was skipped."""
+        is_allowed = not self.is_stopped() and self.spent + steps < self._allowed
+        if not is_allowed:
+            self._skipped[what] = None
+        return is_allowed
+
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """Return the parts of the search that the limit or the user prevented."""
+        return tuple(self._skipped)
+
+    @contextmanager
+    def share(self, share: float) -> Iterator[None]:
+        """Allow only a share of the remaining effort within the context."""
+        before = self._allowed
+        self._allowed = self.spent + share * max(before - self.spent, 0.0) if math.isfinite(before) else before
+        try:
+            yield
+        finally:
+            self._allowed = before
