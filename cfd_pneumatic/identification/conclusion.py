@@ -22,6 +22,7 @@ from cfd_pneumatic.identification.thresholds import (
     BOOTSTRAP_RESAMPLINGS,
     FEWEST_TRAIN_SAMPLES,
     LARGEST_RATIO_WITHOUT_RESTS,
+    MOST_CORE_BOUNDS,
 )
 from cfd_pneumatic.model import Effect
 
@@ -41,6 +42,9 @@ _FAILURES = {
 }
 _NOT_SEARCHED = 'Effects were not searched: the warning reports a likely input error. Correct the input and run again'
 _PHYSICAL_CORE = 'The physical core is used: flows, stiffness and sensing depend on pressure and position'
+_CORE_AT_BOUNDS = (
+    'The physical core fits better, but does not describe this device: its parameters {} end at their bounds'
+)
 _NO_KNOWN_EFFECT = 'No known effect explains the remaining error'
 _NOISE_REMAINS = 'The remaining error is sensor noise'
 _SEED = 2
@@ -191,6 +195,7 @@ def verdict_of(
     curve: str = '',
     is_searched: bool = True,
     has_rests: bool = True,
+    core_bounds: Sequence[str] = (),
 ) -> tuple[str, str]:
     """
     Return the verdict and its reasons in sentences.
@@ -213,6 +218,8 @@ def verdict_of(
         Whether effects were searched.
     has_rests
         Whether the piston rested; otherwise autocorrelated noise is not distinguishable from a missing effect.
+    core_bounds
+        Parameters of the physical core that end at bounds.
 
     """
     if shortage is not None:
@@ -223,6 +230,9 @@ def verdict_of(
     )
     missing = [f'Missing effect{"s" if len(effects) > 1 else ""}: {named}'] if effects else []
     is_physical = core == PHYSICAL
+    physical_core = _PHYSICAL_CORE
+    if len(core_bounds) > MOST_CORE_BOUNDS:
+        physical_core = _CORE_AT_BOUNDS.format(' and '.join(name.replace('_', ' ') for name in core_bounds))
     verb = 'Adding the curve reduces' if curve else 'Adding it reduces'
     if len(effects) + bool(curve or is_physical) > 1:
         verb = 'Together they reduce'
@@ -233,11 +243,11 @@ def verdict_of(
         if failed:
             remainder = [f'The remaining error {failed}']
     elif effects:
-        reasons, remainder = [*([_PHYSICAL_CORE] if is_physical else []), *missing, *reduction], [_NOISE_REMAINS]
+        reasons, remainder = [*([physical_core] if is_physical else []), *missing, *reduction], [_NOISE_REMAINS]
         if failed:
             remainder = [_NO_KNOWN_EFFECT, f'The remaining error {failed}']
     else:
-        reasons = [_PHYSICAL_CORE, *reduction] if is_physical else []
+        reasons = [physical_core, *reduction] if is_physical else []
         if failed:
             reasons += [_NO_KNOWN_EFFECT if is_searched else _NOT_SEARCHED]
             remainder = [f'The remaining error {failed}']

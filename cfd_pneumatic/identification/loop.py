@@ -29,7 +29,7 @@ from cfd_pneumatic.identification.conclusion import (
     within_tolerance,
 )
 from cfd_pneumatic.identification.data import AUTO, LINEAR, PHYSICAL, Tolerance
-from cfd_pneumatic.identification.fit import Fit, summary
+from cfd_pneumatic.identification.fit import AT_BOUND, Fit, summary
 from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.search import FittedCurve, Strategy, Trial, effects_not_visible, fit_curve
 from cfd_pneumatic.identification.test_part import contradiction
@@ -76,13 +76,15 @@ def close_loop(
     contradictions: list[str] = []
     if after is not before:
         ratio, interval = error_ratio(experiments, before.simulated, after.simulated)
-        if ratio >= 1.0:
+        found_tests = likelihood.tests(after.model, likelihood.noise(after.model))
+        if ratio >= 1.0 or (interval[1] >= 1.0 and not is_noise(found_tests)):
             clause, tried = withdraw_effects(list(after.model.parts), ratio, interval, tried)
             contradictions.append(clause)
             after, alternatives, ratio, interval, unknown = before, {}, None, None, None
     if after is not before:
         noise = likelihood.noise(after.model)
         tests = likelihood.tests(after.model, noise)
+    at_bounds = _core_bounds(after)
     hidden = effects_not_visible(likelihood, after.model, noise) if searching and shortage is None else ()
     residuals = [experiment.measured - values for experiment, values in zip(experiments, after.simulated)]
     if searching:
@@ -106,6 +108,7 @@ def close_loop(
         description,
         searching,
         noise.known,
+        at_bounds,
     )
     conclusion = Conclusion(
         verdict=verdict,
@@ -129,16 +132,37 @@ def close_loop(
     return after, conclusion
 
 
-def _confirm_curve(before: Fit, curve: FittedCurve, rival: Model) -> Fit | None:
-    """Return the fit of a curve to train and validation; None if the test part contradicts it or prefers the rival."""
+def _core_bounds(fit: Fit) -> tuple[str, ...]:
+    """Return the parameters of a core that end at a bound, apart from those whose bound switches them off."""
+    channel, values = fit.likelihood.channel, {}
+    for name, parameters in fit.model.core.items():
+        for parameter, value in zip(channel.effects[name].parameters, parameters):
+            is_off = math.isclose(value, parameter.null, abs_tol=1e-9)
+            values[f'{name}.{parameter.name}'] = '' if is_off else parameter.name
+    return tuple(
+        values[estimate.name]
+        for estimate in fit.estimates
+        if values.get(estimate.name) and estimate.reason is not None and estimate.reason.startswith(AT_BOUND)
+    )
+
+
+def _confirm_curve(before: Fit, curve: FittedCurve, rival: Model | None) -> Fit | None:
+    """
+    Return the fit of a curve to train and validation; None if the test part contradicts it or prefers the rival.
+
+    Without a rival only a fit that diverges is refused.
+    """
     likelihood, base = before.likelihood, curve.base
     fitted = fit_curve(likelihood, curve.candidate.model, curve.screened).model
     model = centre_curve(likelihood, fitted, curve.screened.place)
     effects = {name: values for name, values in model.effects.items() if name != likelihood.channel.curve.name}
-    models = model, rival, replace(model, effects=effects), base.model
-    simulated, of_rival, without_curve, of_base = map_in_threads(likelihood.simulate, models)
+    simulated = likelihood.simulate(model)
     if not all(np.all(np.isfinite(values)) for values in simulated):
         return None
+    if rival is None:
+        return summary(likelihood, model)
+    models = rival, replace(model, effects=effects), base.model
+    of_rival, without_curve, of_base = map_in_threads(likelihood.simulate, models)
     experiments = likelihood.experiments
     if error_ratio(experiments, of_rival, simulated)[0] >= 1.0:
         return None

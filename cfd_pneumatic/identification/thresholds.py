@@ -44,6 +44,13 @@ sample]. The noise of most sensors is smaller.
 Origin: not known.
 """
 
+MOST_CORE_BOUNDS = 1
+"""
+Most parameters of the physical core at a bound, apart from those that the bound switches off, with which the core is
+reported as found [1].
+Origin: not known.
+"""
+
 BOOTSTRAP_BLOCKS = 20
 """Blocks of the bootstrap of the error ratio [1]. Origin: not known."""
 

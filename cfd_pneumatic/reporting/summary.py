@@ -95,6 +95,8 @@ def _diagnosis(result: ChannelResult) -> str:
     if findings.verdict == 'unexplained':
         known = ' and '.join(map(readable_name, findings.effects))
         more = f' {_capital(known)} can explain a part of the error.' if known else ''
+        if findings.unknown is not None:
+            more += f' An unknown characteristic can explain a part: {findings.unknown.cause}.'
         size = f'Not explained: the model error of {part} is {_times_noise(result)}.'
         if noise_ratio(result) < _NEAR_NOISE:
             size = f'Not explained: the model error of {part} is as small as the sensor noise, but it is not noise.'
@@ -144,7 +146,7 @@ def _certainty(result: ChannelResult) -> str:
         if not is_noise(findings.tests_after):
             return f'Accepted by --tolerance.{hidden}'
         return f'{_UNDECIDED if _may_be_more_than_noise(findings) else "Confirmed."}{hidden}'
-    if findings.verdict == 'unexplained' and not findings.effects:
+    if findings.verdict == 'unexplained' and not findings.effects and findings.unknown is None:
         if not findings.is_searched:
             return 'No effect was searched, because the input data look wrong.'
         if findings.not_tried:

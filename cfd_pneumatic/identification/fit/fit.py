@@ -31,6 +31,9 @@ from cfd_pneumatic.identification.fit.thresholds import (
 from cfd_pneumatic.identification.fit.uncertainty import Information, information
 from cfd_pneumatic.runtime import map_in_threads
 
+AT_BOUND = 'the fit ends at its'
+"""Begin of the reason why a parameter is not identifiable that ends at a bound."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -239,9 +242,9 @@ def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Informat
         if size[index] == 0.0:
             reason = f'nothing in the recordings depends on it{hint}'
         elif unknown.name and value - unknowns.lower[index] < LEAST_BOUND_DISTANCE:
-            reason = f'the fit ends at its lower bound {unknown.lower:g} {unknown.unit}{hint}'
+            reason = f'{AT_BOUND} lower bound {unknown.lower:g} {unknown.unit}{hint}'
         elif unknown.name and unknowns.upper[index] - value < LEAST_BOUND_DISTANCE:
-            reason = f'the fit ends at its upper bound {unknown.upper:g} {unknown.unit}{hint}'
+            reason = f'{AT_BOUND} upper bound {unknown.upper:g} {unknown.unit}{hint}'
         if reason is not None:
             reasons[index] = reason
     free = np.array([index for index in range(size.size) if index not in reasons], dtype=np.intp)

@@ -19,6 +19,7 @@ from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.thresholds import (
     FINE_EXCERPT_STEPS,
     FINE_SEARCH,
+    LARGEST_LOOSENING,
     LEAST_MISLEADING_RESIDUAL,
     LEAST_RIVAL_DROP,
     LEAST_START_DROP,
@@ -116,7 +117,7 @@ class Candidates:
         """
         rough = self._rough_fits_with_core(candidate, name)
         is_promising = rough[0].cost <= limit * self.excerpt.samples
-        best = self._fit_to_end([fit.model for fit in rough[:REFINED_STARTS]]) if is_promising else rough[0]
+        best = self._fit_to_end(rough[:REFINED_STARTS]) if is_promising else rough[0]
         return self.to_candidate(best.model, candidate.model)
 
     def rough_mean_square_with_core(self, candidate: Candidate, name: str) -> float:
@@ -180,22 +181,37 @@ class Candidates:
         before = self._excerpt_squares(base)
         within_limit = {name: fits for name, fits in rough.items() if fits[0].cost <= limit * self.excerpt.samples}
         refined = self._effects_to_refine(base, within_limit, before) if within_limit else []
-        fine = map_in_threads(lambda name: self._fit_to_end(self._models_to_refine(rough[name], before)), refined)
+        fine = map_in_threads(lambda name: self._fit_to_end(self._fits_to_refine(rough[name], before)), refined)
         best = {name: fits[0] for name, fits in rough.items()} | dict(zip(refined, fine))
-        models = [best[name].model for name in starts]
-        return dict(zip(starts, map_in_threads(lambda model: self.to_candidate(model, base.model), models)))
+
+        def candidate(name: str) -> Candidate:
+            return self._not_worse(base, name, self.to_candidate(best[name].model, base.model), name in refined)
+
+        return dict(zip(starts, map_in_threads(candidate, starts)))
+
+    def _not_worse(self, base: Candidate, effect: str, candidate: Candidate, is_refined: bool) -> Candidate:
+        """Return a candidate that fits no worse than its base: otherwise the base, fitted again with the effect."""
+        if candidate.rss <= base.rss or effect not in self.channel.library:
+            return candidate
+        null = replace(base.model, effects={**base.effects, effect: self.channel.effects[effect].null})
+        nested = [find_optimum(self.train, null, 1.0, 1)]  # sums without a step
+        if is_refined:
+            starts = [replace(model, effects=null.effects) for model in self.channel.beginnings(base.model, True)]
+            nested.append(self._best_fit(self.train, starts, base.rss / self.train.samples))
+        return self.to_candidate(min(nested, key=lambda fit: fit.cost).model, base.model)
 
     def without_effects(self, candidate: Candidate, *names: str) -> Candidate:
         """Return a candidate, fitted again without some of its effects."""
         if not names:
             return candidate
         kept = {effect: values for effect, values in candidate.effects.items() if effect not in names}
-        optimum = find_optimum(self.train, replace(candidate.model, effects=kept), *FINE_SEARCH)
+        search = self._fine_search(candidate.rss / self.train.samples)
+        optimum = find_optimum(self.train, replace(candidate.model, effects=kept), *search)
         return self.to_candidate(optimum.model, candidate.model)
 
     def screen_effects(self, base: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
         """Return the effects to fit, and for each further effect the share of the residual that it can explain."""
-        if not self._is_long or len(names) <= MOST_FITTED_EFFECTS:
+        if not self._is_long or len(names) <= MOST_FITTED_EFFECTS or self._is_astray(base):
             return names, {}
         shares = self._explained_shares(base, names)
         ranked = sorted(names, key=lambda name: -shares[name])
@@ -276,6 +292,10 @@ class Candidates:
         residuals = self.excerpt.residuals(self.excerpt.simulate(candidate.model))
         return sum(float(run @ run) for run in residuals)
 
+    def _is_astray(self, base: Candidate) -> bool:
+        """Return whether a model without core and effects errs so much that its gains may be wrong."""
+        return not base.model.parts and base.rss > self.train.samples * (LEAST_MISLEADING_RESIDUAL * self.noise) ** 2
+
     def _start_data(self, candidate: Candidate) -> Data:
         """Return the data from which effects compute their starting values."""
         if candidate not in self._known_data:
@@ -300,31 +320,38 @@ class Candidates:
 
     def _starts_with_effects(self, base: Candidate, names: Sequence[str]) -> dict[str, list[Model]]:
         """Return the models from which fits with an added effect start, by the effect's name."""
-        is_misleading = base.rss > self.train.samples * (LEAST_MISLEADING_RESIDUAL * self.noise) ** 2
-        models = [base.model] if base.model.parts else self.channel.beginnings(base.model, is_misleading)
+        models = [base.model]
+        if not base.model.parts:
+            models = self.channel.beginnings(base.model, self._is_astray(base))
         return {
             name: [replace(model, effects={**base.effects, name: start}) for model in models for start in starts]
             for name, starts in self._starts(base, names).items()
         }
 
-    def _models_to_refine(self, rough: Sequence[Optimum], before: float) -> list[Model]:
-        """Return the models of rough fits that are fitted to the end."""
+    def _fits_to_refine(self, rough: Sequence[Optimum], before: float) -> list[Optimum]:
+        """Return the rough fits that are continued to the end."""
         best, *further = rough[:REFINED_STARTS]
         if self._is_long:
             further = [fit for fit in further if before - fit.cost > LEAST_START_DROP * (before - best.cost)]
-        return [fit.model for fit in (best, *further)]
+        return [best, *further]
 
-    def _fit_to_end(self, starts: Sequence[Model]) -> Optimum:
+    def _fit_to_end(self, rough: Sequence[Optimum]) -> Optimum:
         """Return the best fit to the end; a long train part is first fitted on an excerpt, to save time."""
+        starts, mean_square = [fit.model for fit in rough], rough[0].cost / self.excerpt.samples
         if self._longer_excerpt is not None:
-            starts = [self._best_fit(self._longer_excerpt, starts).model]
-        return self._best_fit(self.train, starts)
+            starts = [self._best_fit(self._longer_excerpt, starts, mean_square).model]
+        return self._best_fit(self.train, starts, mean_square)
 
-    def _best_fit(self, likelihood: Likelihood, starts: Sequence[Model]) -> Optimum:
+    def _best_fit(self, likelihood: Likelihood, starts: Sequence[Model], mean_square: float) -> Optimum:
+        search = self._fine_search(mean_square)
         return min(
-            map_in_threads(lambda model: find_optimum(likelihood, model, *FINE_SEARCH), starts),
-            key=lambda fit: fit.cost,
+            map_in_threads(lambda model: find_optimum(likelihood, model, *search), starts), key=lambda fit: fit.cost
         )
+
+    def _fine_search(self, mean_square: float) -> tuple[float, int]:
+        """Return the end of a fit to the end; far from the noise thousandths of the sum decide nothing."""
+        tolerance, evaluations = FINE_SEARCH
+        return tolerance * min(max(mean_square / self.noise**2, 1.0), LARGEST_LOOSENING), evaluations
 
 
 def _present_effects(base: Candidate, model: Model, effects: Mapping[str, Effect]) -> list[str]:

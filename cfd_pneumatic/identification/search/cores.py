@@ -18,6 +18,7 @@ from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curve_search import CurveSearch, FittedCurve
 from cfd_pneumatic.identification.search.stepwise import Search, SearchResult, Step, Trial
 from cfd_pneumatic.identification.search.thresholds import (
+    EXPECTED_CORE_EVALUATIONS,
     LARGEST_ALIKE_ERROR,
     LARGEST_CORE_SQUARES,
     LARGEST_ROUGH_CORE,
@@ -129,6 +130,9 @@ class Cores:
         """Return the physical core alone, and with the effects of the linear core; `is_enough` allows rough fits."""
         assert self._name is not None
         if not linear.model.effects:
+            return [self.physical]
+        steps = EXPECTED_CORE_EVALUATIONS * self.candidates.train.effort_of(self.physical.model)
+        if not self.candidates.effort.allows(f'the physical core with {" and ".join(linear.model.effects)}', steps):
             return [self.physical]
         limit = self._rough_limit(linear.model) if is_enough else math.inf
         return [self.physical, self.candidates.with_core(linear.model, self._name, limit)]

@@ -34,7 +34,7 @@ _PENALTIES = np.logspace(-8.0, 8.0, 65)  # on the roughness, in units of the lar
 _COARSE = np.maximum(1.0 - np.abs(0.5 * np.arange(KNOTS) - np.arange(KNOTS // 2 + 1)[:, None]), 0.0)  # every other knot
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ScreenedCurve:
     """
     Prediction for a curve at a place.

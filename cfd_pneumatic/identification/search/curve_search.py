@@ -36,6 +36,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_CURVE_REMAINDER,
     LARGEST_CURVE_REMAINDER_WITH_EFFECTS,
     LARGEST_ERROR_FOR_NEW_CORE,
+    LARGEST_HYPOTHESIS_ERROR,
     LARGEST_NEAR_NOISE,
     LARGEST_REMAINDER_OF_SOLE_CURVE,
     LARGEST_SHARPENED_SQUARES,
@@ -48,8 +49,11 @@ from cfd_pneumatic.identification.search.thresholds import (
     LEAST_WIDER_RANGE,
     MOST_EFFECTS_WITH_CURVE,
     MOST_FITTED_CURVES,
+    MOST_FURTHER_PLACES,
     ROUGH_CURVE_SEARCH,
     SHARPENED_SKETCHES,
+    SHORT_CURVE_SEARCH,
+    SHORT_STRETCH_STEPS,
     SKETCHES_OF_PLACE,
 )
 from cfd_pneumatic.runtime import map_in_threads
@@ -101,6 +105,7 @@ class CurveSearch:
     def __init__(self, candidates: Candidates) -> None:
         self.candidates = candidates
         self._stretches = candidates.train.spread(CURVE_STRETCH_STEPS)
+        self._brief = candidates.train.spread(SHORT_STRETCH_STEPS)
         self._effort = candidates.effort
         self._noise_squares = candidates.noise**2 * self._stretches.samples
         self._known_curves: dict[Candidate, list[FittedCurve]] = {}
@@ -209,6 +214,28 @@ class CurveSearch:
         with_effects = self.candidates.to_candidate(replace(with_curve.model, effects=effects), base.model)
         return self.fit_best_curve([with_effects], known)
 
+    def find_hypothesis(self, known: Candidate) -> FittedCurve | None:
+        """
+        Return the curve that predicts best of all that were fitted; None if none is much better than a known model.
+
+        The curve is no answer, because more than noise remains.
+        """
+        curves = list(chain.from_iterable(self._known_curves.values()))
+        if not curves:
+            first = [(sketches[0], base) for base, sketches in self._sketches.items() if sketches]
+            for sketch, base in sorted(first, key=lambda pair: pair[0].optimum.cost)[:1]:
+                curves = self._fit_to_train(base, [(sketch.screened, sketch.optimum.model)])
+        much_better = [
+            curve
+            for curve in curves
+            if all(
+                error(curve.candidate) < LARGEST_HYPOTHESIS_ERROR * error(model)
+                for error in (_prediction_error, self.candidates.residual_ratio)
+                for model in (known, self.candidates.baseline)
+            )
+        ]
+        return min(much_better, key=lambda curve: _prediction_error(curve.candidate), default=None)
+
     def is_better(self, curve: FittedCurve, known: Sequence[Candidate]) -> bool:
         """Return whether a curve explains more than the model without the curve, and than every known model."""
         candidate, base = curve.candidate, curve.base
@@ -245,22 +272,62 @@ class CurveSearch:
         Fits to short stretches select the curves, and the positions of the knots.
         """
         if base not in self._known_curves:
-            screened, ratio = self._screen(base), self.candidates.residual_ratio(base)
-            remainder = LARGEST_CURVE_REMAINDER_WITH_EFFECTS if base.effects else LARGEST_CURVE_REMAINDER
-            evidence = max((curve.evidence for curve in screened if curve.place.name[1] != 'time'), default=0.0)
-            likely = _select_for_fit(screened, ratio, remainder, LEAST_EVIDENCE_SHARE * evidence)
-            best = self._best_sketches(base, likely)
-            # The linearised prediction errs far from the noise; try curves of less evidence then.
-            if likely and ratio > LARGE_RESIDUAL and not self._is_at_noise(best):
-                names = {curve.place.name for curve in likely}
-                further = [curve for curve in screened if curve.place.name not in names]
-                unlikely = _select_for_fit(further, ratio, remainder, LEAST_FALLBACK_EVIDENCE_SHARE * evidence)
-                of_valve = [curve for curve in further if curve.place.name == VALVE_CURVE and curve not in unlikely]
-                best = self._best_sketches(base, unlikely + of_valve)
+            best = self._best_sketches(base, self._places_to_fit(base))
+            if self._is_astray(base) and not self._is_at_noise(best):  # the prediction errs far from the noise
+                best = self._best_sketches(base, self._further_places(base))
             starts = [(sketch.screened, sketch.optimum.model) for sketch in best[:MOST_FITTED_CURVES]]
             curves = self._fit_to_train(base, starts)
             self._known_curves[base] = [self._extend_range(curve) for curve in curves]
         return self._known_curves[base]
+
+    def _is_astray(self, base: Candidate) -> bool:
+        """Return whether a model errs so much that the linear prediction of curves may err."""
+        return self.candidates.residual_ratio(base) > LARGE_RESIDUAL
+
+    def _places_to_fit(self, base: Candidate) -> list[ScreenedCurve]:
+        """Return the curves that are predicted to explain most."""
+        return self._predicted(self._screen(base), base, LEAST_EVIDENCE_SHARE)
+
+    def _further_places(self, base: Candidate) -> list[ScreenedCurve]:
+        """
+        Return curves that a prediction from a model far from the noise may have missed.
+
+        Short fits with the linear core rank all places. The physical core takes over the ranking.
+        """
+        known = {curve.place.name for curve in self._places_to_fit(base)}
+        further = [curve for curve in self._screen(base) if curve.place.name not in known]
+        if not base.model.parts:
+            return self._best_of_short_fits(base, further)
+        ranked = [sketch.screened.place.name for sketch in self._sketches.get(self.candidates.baseline, [])]
+        names = list(dict.fromkeys(ranked))[:MOST_FURTHER_PLACES]
+        best = {curve.place.name: curve for curve in reversed(further)}
+        chosen = [best[name] for name in names if name in best]
+        return chosen or (self._predicted(further, base, LEAST_FALLBACK_EVIDENCE_SHARE) if known else [])
+
+    def _predicted(self, screened: Sequence[ScreenedCurve], base: Candidate, share: float) -> list[ScreenedCurve]:
+        """Return the curves with at least a share of the best curve's evidence that may reach the noise."""
+        evidence = max((curve.evidence for curve in self._screen(base) if curve.place.name[1] != 'time'), default=0.0)
+        remainder = LARGEST_CURVE_REMAINDER_WITH_EFFECTS if base.effects else LARGEST_CURVE_REMAINDER
+        return _select_for_fit(screened, self.candidates.residual_ratio(base), remainder, share * evidence)
+
+    def _best_of_short_fits(self, base: Candidate, screened: Sequence[ScreenedCurve]) -> list[ScreenedCurve]:
+        """Return the best places by short fits to a few stretches, from the model's gains and from nominal gains."""
+        first: dict[tuple[str, str, float], ScreenedCurve] = {}
+        for curve in screened:
+            first.setdefault((*curve.place.name, curve.place.memory), curve)
+        starts = [
+            (curve, replace(model, effects=self._start_with_curve(base, curve).effects))
+            for curve in first.values()
+            for model in self.candidates.channel.beginnings(base.model, True)
+        ]
+        steps = len(starts) * SHORT_CURVE_SEARCH[1] * self._brief.effort_of(starts[0][1]) if starts else 0.0
+        if not starts or not self._effort.allows(_question(base), steps):
+            return []
+        costs = map_in_threads(
+            lambda start: fit_curve(self._brief, start[1], start[0], SHORT_CURVE_SEARCH).cost, starts
+        )
+        ranked = sorted(zip(costs, (curve for curve, _ in starts)), key=lambda fit: fit[0])
+        return list(dict.fromkeys(curve for _, curve in ranked))[:MOST_FURTHER_PLACES]
 
     def _best_sketches(self, base: Candidate, screened: Sequence[ScreenedCurve]) -> list[_Sketch]:
         """Return sketches whose residual comes near the noise, earlier sketches included, the best first."""

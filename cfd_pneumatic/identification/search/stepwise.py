@@ -255,7 +255,7 @@ class Search:
             if reason is None and is_small:
                 reason = self._objection_to_small_drop(candidate)
             objections[name] = reason
-            trials[name] = Trial(name, gain, drop, validation, False, reason or _OUTDONE, present)
+            trials[name] = Trial(name, gain, max(drop, 0.0), validation, False, reason or _OUTDONE, present)
         ranked = sorted(candidates, key=lambda name: self.criterion(candidates[name], _WHITE))
         worthy = [name for name in ranked if objections[name] is None]
         leads = [*sorted(worthy, key=lambda name: criteria[name])[:1], *worthy[:1]]

@@ -12,7 +12,7 @@ This module decides; `cores`, `curve_search` and `stepwise` propose models and s
    keeps what it explains as well as the physical core.
 4. Does a curve explain more? It may if the residual is not noise. It also may if several effects were found, because
    several effects can imitate a single curve.
-5. If not, the effects are the answer.
+5. If not, the effects are the answer. If they leave much more than noise, the best curve may be shown as a hypothesis.
 
 The search does not see the test part. Only `confirm`, which the caller gives, does if a curve is to be the answer.
 """
@@ -35,8 +35,12 @@ from cfd_pneumatic.identification.search.thresholds import CURVE_SHARE, EFFECT_S
 
 _CURVE_INSTEAD = 'replaced by an estimated curve'
 
-Confirm = Callable[[FittedCurve, Model], 'Fit | None']
-"""Returns the fit of a curve to train and validation; None if the test part contradicts it or prefers the model."""
+Confirm = Callable[[FittedCurve, 'Model | None'], 'Fit | None']
+"""
+Returns the fit of a curve to train and validation; None if the test part contradicts it or prefers the model.
+
+Without a model the curve is only a hypothesis, and None means that the fit diverged.
+"""
 
 
 class Answer(NamedTuple):
@@ -100,7 +104,21 @@ class Strategy:
                 result = self._core_and_effects()
         finish_result = cache(partial(finish, self.before, result))
         with_curve = self._curve_after_effects(result, lambda: finish_result()[0])
+        if with_curve is None and not is_noise and not _is_explained(finish_result()[0]):
+            with_curve = self._hypothesis(result)
         return Answer(*finish_result(), None) if with_curve is None else with_curve
+
+    def _hypothesis(self, result: SearchResult) -> Answer | None:
+        """Return the best curve as a hypothesis if it explains much more than a result that leaves more than noise."""
+        curve = self.curves.find_hypothesis(result.model)
+        fit = None if curve is None else self._confirm(curve, None)
+        return None if fit is None else self._with_curve(result, fit, curve)
+
+    def _with_curve(self, result: SearchResult, fit: Fit, curve: FittedCurve | None) -> Answer:
+        """Return a fit with a curve as the answer; the curve replaces effects of a result."""
+        kept = {name: rivals for name, rivals in result.alternatives.items() if name in fit.model.effects}
+        replaced = {trial.effect for trial in result.tried} - fit.model.effects.keys()
+        return Answer(fit, kept, withdraw_trials(result.tried, replaced, _CURVE_INSTEAD), curve)
 
     def _core_for_autocorrelated_noise(self) -> SearchResult:
         """Return the physical core if it removes the autocorrelation; otherwise the linear core."""
@@ -183,9 +201,7 @@ class Strategy:
             fit = self._confirm(curve, result.model.model)
             if fit is None:
                 return None
-            kept = {name: rivals for name, rivals in result.alternatives.items() if name in fit.model.effects}
-            replaced = {trial.effect for trial in result.tried} - fit.model.effects.keys()
-            return Answer(fit, kept, withdraw_trials(result.tried, replaced, _CURVE_INSTEAD), curve)
+            return self._with_curve(result, fit, curve)
         return None
 
     def _curves_after_effects(self, result: SearchResult, *, is_noise: bool) -> Iterator[FittedCurve | None]:

@@ -42,6 +42,13 @@ End of a fit of a candidate to the train part: least relative fall of the sum of
 Origin: not known.
 """
 
+LARGEST_LOOSENING = 100.0
+"""
+Largest factor of the least relative fall if the residual is far above the noise [-]. The factor is the mean square of
+the residual over that of the noise.
+Origin: not known.
+"""
+
 LEAST_MISLEADING_RESIDUAL = 5.0
 """
 Least residual that may have misled the gains [standard deviations of the noise from sample to sample]. Fits of a first
@@ -233,6 +240,21 @@ End of a fit that compares curves: least relative fall of the sum of squares [-]
 Origin: at 1e-5 the last 15 of 20 evaluations changed a thousandth (commit 32f0c9f).
 """
 
+SHORT_CURVE_SEARCH = (1e-2, 5)
+"""
+End of a fit that ranks the places of a curve: least relative fall of the sum of squares [-] and most evaluations [1].
+Origin: not known.
+"""
+
+SHORT_STRETCH_STEPS = 1500
+"""
+Stretches, together, on which places of a curve are ranked by short fits [grid steps].
+Origin: not known.
+"""
+
+MOST_FURTHER_PLACES = 3
+"""Most places of a curve that follow from short fits or from the linear core [1]. Origin: not known."""
+
 FINE_CURVE_SEARCH = (1e-5, 25)
 """
 End of a fit whose curve is reported: least relative fall of the sum of squares [-] and most evaluations [1].
@@ -252,6 +274,9 @@ CURVE_SHARE = 0.35
 
 EFFECT_SHARE = 0.7
 """Share of the effort for core and effects, before curves in addition to them [remaining effort]. Origin: not known."""
+
+EXPECTED_CORE_EVALUATIONS = 30
+"""Evaluations of the train part that a fit of the physical core is expected to take [1]. Origin: not known."""
 
 EXPECTED_CURVE_EVALUATIONS = 10
 """Evaluations that the fit of a curve is expected to take [1]. Origin: not known."""
@@ -378,6 +403,13 @@ FAR_SMALLER_ERROR = 0.4
 Largest validation error of a model with a curve that is the answer although the residual fails its tests [error of the
 best model with an effect]. Two effects hardly reach it.
 Origin: not known.
+"""
+
+LARGEST_HYPOTHESIS_ERROR = 0.6
+"""
+Largest error with a curve that is shown as a hypothesis although more than noise remains, on the validation part and on
+all samples [error of the model without the curve].
+Origin: users want something to look at if the error is many times the noise.
 """
 
 LARGEST_ERROR_FOR_NEW_CORE = 0.6
