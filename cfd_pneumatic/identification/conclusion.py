@@ -21,6 +21,7 @@ from cfd_pneumatic.identification.thresholds import (
     BOOTSTRAP_QUANTILES,
     BOOTSTRAP_RESAMPLINGS,
     FEWEST_TRAIN_SAMPLES,
+    LARGEST_EXPLAINED_RATIO,
     LARGEST_RATIO_WITHOUT_RESTS,
     MOST_CORE_BOUNDS,
 )
@@ -47,6 +48,7 @@ _CORE_AT_BOUNDS = (
 )
 _NO_KNOWN_EFFECT = 'No known effect explains the remaining error'
 _NOISE_REMAINS = 'The remaining error is sensor noise'
+_WITHIN = 'to within {:.2f} times the noise'
 _SEED = 2
 
 
@@ -119,6 +121,11 @@ class Conclusion:
         has_more = self.verdict == 'unexplained' or not is_noise(self.tests_after)
         has_more |= ratio_without_rests(self.tests_after, self.noise.known) is not None
         return 'hypothesis' if self.has_warning or (is_named and has_more) else 'confirmed'
+
+    @property
+    def explained_to_within(self) -> float | None:
+        """Return the remaining error over the noise, rounded up to twentieths; None if it is not explained."""
+        return None if self.verdict in ('unexplained', 'insufficient_data') else explained_to_within(self.tests_after)
 
     @property
     def rounds(self) -> list[tuple[Trial, ...]]:
@@ -266,6 +273,10 @@ def verdict_of(
             reasons += [size_text]
     elif not (failed or curve or effects):
         reasons += ['The model explains the recording down to sensor noise']
+    within = explained_to_within(tests)
+    if failed and within is not None and (curve or effects or is_physical):
+        remainder = [f'The remaining error {failed}', f'The model explains the recording {_WITHIN.format(within)}']
+        failed = ''
     if failed and tolerance:
         failed, remainder = '', [f'The remaining error {failed}', tolerance]
     if failed or contradictions:
@@ -285,6 +296,16 @@ def ratio_without_rests(tests: Sequence[Test], has_rests: bool) -> float | None:
     """
     size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=1.0)
     return size if not has_rests and size > LARGEST_RATIO_WITHOUT_RESTS else None
+
+
+def explained_to_within(tests: Sequence[Test]) -> float | None:
+    """
+    Return the residual over the noise, rounded up to twentieths; None if it is clearly more than noise.
+
+    A few percent of the noise that depend on an input withdraw no answer.
+    """
+    size = max((test.statistic for test in tests if test.name == 'noise_floor'), default=math.inf)
+    return math.ceil(20.0 * size) / 20.0 if size <= LARGEST_EXPLAINED_RATIO else None
 
 
 def within_tolerance(

@@ -37,6 +37,13 @@ Fewest samples of the train part for a search for effects [samples]. The search 
 Origin: the number of unknowns (commit bf95838).
 """
 
+LARGEST_EXPLAINED_RATIO = 1.1
+"""
+Largest residual at which core, effects or a curve remain the answer although the residual depends on an input [standard
+deviations of the noise].
+Origin: such a dependence has less than half of the noise's size.
+"""
+
 LARGEST_RATIO_WITHOUT_RESTS = 1.25
 """
 Largest residual that counts as noise in a recording without rests [standard deviations of the noise from sample to

@@ -144,6 +144,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'core_parameters': {name: _estimate_data(result.parameters(name)) for name in result.found.model.core},
         'effects': list(findings.effects),
         'status': findings.status,
+        'explained_to_within_noise': findings.explained_to_within,
         'effect_parameters': {effect: _estimate_data(result.parameters(effect)) for effect in findings.effects},
         'parameters_after': _gain_data(result.gains),
         'alternatives': {effect: list(findings.alternatives.get(effect, ())) for effect in findings.effects},

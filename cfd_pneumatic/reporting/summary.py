@@ -89,7 +89,7 @@ def _diagnosis(result: ChannelResult) -> str:
     if findings.verdict == 'insufficient_data':
         return sentence(findings.why)
     if findings.verdict == 'no_missing_effect':
-        if not is_noise(findings.tests_after):
+        if not is_noise(findings.tests_after) and findings.explained_to_within is None:
             return f'Within the tolerance. The model error of {part} is {_times_noise(result)}, and it is not noise.'
         return f'No fault found. The model explains the recording of {part} {_to_noise(result)}.'
     if findings.verdict == 'unexplained':
@@ -144,7 +144,8 @@ def _certainty(result: ChannelResult) -> str:
         count = len(findings.not_visible)
         hidden = f' This recording could not show {count} of the known effects.' if count else ''
         if not is_noise(findings.tests_after):
-            return f'Accepted by --tolerance.{hidden}'
+            within = _within(findings)
+            return f'{f"Hypothesis.{within}" if within else "Accepted by --tolerance."}{hidden}'
         return f'{_UNDECIDED if _may_be_more_than_noise(findings) else "Confirmed."}{hidden}'
     if findings.verdict == 'unexplained' and not findings.effects and findings.unknown is None:
         if not findings.is_searched:
@@ -153,13 +154,20 @@ def _certainty(result: ChannelResult) -> str:
             return f'No answer yet: {unfinished(findings)}'
         return 'The error is real. All known effects were tried; none explains the error.'
     if findings.status != 'confirmed':
-        return f'{_UNDECIDED if _may_be_more_than_noise(findings) else _HYPOTHESIS} {_reduction(result)}'
+        doubt = _UNDECIDED if _may_be_more_than_noise(findings) else _HYPOTHESIS
+        return f'{doubt} {_reduction(result)}{_within(findings)}'
     status = 'Confirmed.'
     if any(findings.alternatives.values()):
         status = 'Confirmed that one of them acts.'
         if len(findings.effects) > 1:
             status = 'Confirmed, except which of the effects acts that this recording cannot distinguish.'
-    return f'{status} {_reduction(result)}'
+    return f'{status} {_reduction(result)}{_within(findings)}'
+
+
+def _within(findings: Conclusion) -> str:
+    """Return within how many times the noise a recording is explained, as a sentence; empty if it is not."""
+    size = findings.explained_to_within
+    return '' if size is None or size <= 1.0 else f' Explained to within {size:.2f} times the noise.'
 
 
 def unfinished(findings: Conclusion) -> str:
