@@ -13,7 +13,7 @@ Origin: not known.
 
 LARGEST_EFFORT = 36e6
 """
-Largest effort of a channel's search, besides `LARGEST_EFFORT_PER_STEP` [simulated steps].
+Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
 Origin: with both limits a minute at 500 Hz takes 10 units of docs/measurements/speed.md.
 """
 

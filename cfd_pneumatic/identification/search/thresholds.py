@@ -407,8 +407,8 @@ Origin: not known.
 
 LARGEST_HYPOTHESIS_ERROR = 0.6
 """
-Largest error with a curve that is shown as a hypothesis although more than noise remains, on the validation part and on
-all samples [error of the model without the curve].
+Largest error with a curve that is shown as a hypothesis [error of the model without the curve]. The limit holds for the
+validation part and for all samples.
 Origin: users want something to look at if the error is many times the noise.
 """
 
