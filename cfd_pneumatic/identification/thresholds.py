@@ -11,7 +11,7 @@ Displacement samples up to which channels are identified in parallel [samples]. 
 Origin: not known.
 """
 
-LARGEST_EFFORT = 36e6
+LARGEST_EFFORT = 46e6
 """
 Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
 Origin: with both limits a minute at 500 Hz takes 10 units of docs/measurements/speed.md.

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.identification.channels import Model
-from cfd_pneumatic.identification.fit import Optimum
+from cfd_pneumatic.identification.fit import Likelihood, Optimum
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.curve_fit import fit_curve, update_penalty
@@ -50,6 +50,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     MOST_EFFECTS_WITH_CURVE,
     MOST_FITTED_CURVES,
     MOST_FURTHER_PLACES,
+    PHYSICAL_STRETCH_STEPS,
     ROUGH_CURVE_SEARCH,
     SHARPENED_SKETCHES,
     SHORT_CURVE_SEARCH,
@@ -107,7 +108,7 @@ class CurveSearch:
         self._stretches = candidates.train.spread(CURVE_STRETCH_STEPS)
         self._brief = candidates.train.spread(SHORT_STRETCH_STEPS)
         self._effort = candidates.effort
-        self._noise_squares = candidates.noise**2 * self._stretches.samples
+        self._short_stretches = candidates.train.spread(PHYSICAL_STRETCH_STEPS)
         self._known_curves: dict[Candidate, list[FittedCurve]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
         self._screened: dict[Candidate, list[ScreenedCurve]] = {}
@@ -223,7 +224,7 @@ class CurveSearch:
         curves = list(chain.from_iterable(self._known_curves.values()))
         if not curves:
             first = [(sketches[0], base) for base, sketches in self._sketches.items() if sketches]
-            for sketch, base in sorted(first, key=lambda pair: pair[0].optimum.cost)[:1]:
+            for sketch, base in sorted(first, key=lambda pair: pair[0].optimum.cost / self._noise_squares(pair[1]))[:1]:
                 curves = self._fit_to_train(base, [(sketch.screened, sketch.optimum.model)])
         much_better = [
             curve
@@ -273,7 +274,7 @@ class CurveSearch:
         """
         if base not in self._known_curves:
             best = self._best_sketches(base, self._places_to_fit(base))
-            if self._is_astray(base) and not self._is_at_noise(best):  # the prediction errs far from the noise
+            if self._is_astray(base) and not self._is_at_noise(base, best):  # the prediction errs far from the noise
                 best = self._best_sketches(base, self._further_places(base))
             starts = [(sketch.screened, sketch.optimum.model) for sketch in best[:MOST_FITTED_CURVES]]
             curves = self._fit_to_train(base, starts)
@@ -334,7 +335,7 @@ class CurveSearch:
         sketches = self._fit_sketches(base, [(curve, self._start_with_curve(base, curve)) for curve in screened])
         largest = (
             LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
-        ) ** 2 * self._noise_squares
+        ) ** 2 * self._noise_squares(base)
         moved = [
             variant
             for sketch in sketches[:SHARPENED_SKETCHES]
@@ -346,9 +347,9 @@ class CurveSearch:
         limit = min(LARGEST_SKETCH_SQUARES * sketches[0].optimum.cost, largest) if sketches else 0.0
         return _best_of_each_place([sketch for sketch in sketches if sketch.optimum.cost < limit])
 
-    def _is_at_noise(self, sketches: Sequence[_Sketch]) -> bool:
+    def _is_at_noise(self, base: Candidate, sketches: Sequence[_Sketch]) -> bool:
         """Return whether the first sketch may reach the noise."""
-        return bool(sketches) and sketches[0].optimum.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise_squares
+        return bool(sketches) and sketches[0].optimum.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise_squares(base)
 
     def _fit_to_train(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[FittedCurve]:
         """Return curves fitted to the train part, each from a model that has the curve."""
@@ -407,6 +408,14 @@ class CurveSearch:
             (model for model in models if self._stretch_squares(model) < self._stretch_squares(base.model)), models[-1]
         )
 
+    def _stretches_of(self, base: Candidate) -> Likelihood:
+        """Return the short stretches for curves in addition to a model, fewer for the physical core."""
+        return self._short_stretches if base.model.core else self._stretches
+
+    def _noise_squares(self, base: Candidate) -> float:
+        """Return the sum of squares of the noise on the short stretches for curves in addition to a model."""
+        return self.candidates.noise**2 * self._stretches_of(base).samples
+
     def _stretch_squares(self, model: Model) -> float:
         """Return the sum of squared residuals of a model on the short stretches."""
         with np.errstate(over='ignore'):  # of a model that diverges
@@ -417,16 +426,17 @@ class CurveSearch:
         if not starts:
             return []
         self._effort.ask(_question(base), self.candidates.residual_ratio(base))
-        steps = 2 * len(starts) * EXPECTED_CURVE_EVALUATIONS * self._stretches.effort_of(starts[0][1])
+        stretches = self._stretches_of(base)
+        steps = 2 * len(starts) * EXPECTED_CURVE_EVALUATIONS * stretches.effort_of(starts[0][1])
         if not self._effort.allows(_question(base), steps):
             return []
         share = independent_share(self.candidates.noise_autoregression(base))
 
         def sketch(screened: ScreenedCurve, model: Model) -> _Sketch:
-            model = fit_curve(self._stretches, model, screened, ROUGH_CURVE_SEARCH).model
+            model = fit_curve(stretches, model, screened, ROUGH_CURVE_SEARCH).model
             screened = replace(screened, place=screened.place.with_memory_of(model))
-            updated = update_penalty(self._stretches, model, screened, share)
-            return _Sketch(updated, fit_curve(self._stretches, model, updated, ROUGH_CURVE_SEARCH))
+            updated = update_penalty(stretches, model, screened, share)
+            return _Sketch(updated, fit_curve(stretches, model, updated, ROUGH_CURVE_SEARCH))
 
         return _sort_by_cost(map_in_threads(lambda start: sketch(*start), starts))
 

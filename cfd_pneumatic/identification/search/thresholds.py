@@ -240,6 +240,13 @@ End of a fit that compares curves: least relative fall of the sum of squares [-]
 Origin: at 1e-5 the last 15 of 20 evaluations changed a thousandth (commit 32f0c9f).
 """
 
+PHYSICAL_STRETCH_STEPS = 4000
+"""
+Stretches, together, on which curves with the physical core are compared [grid steps]. A step costs about 2.5 times that
+with the linear core.
+Origin: not known.
+"""
+
 SHORT_CURVE_SEARCH = (1e-2, 5)
 """
 End of a fit that ranks the places of a curve: least relative fall of the sum of squares [-] and most evaluations [1].
@@ -269,7 +276,7 @@ Origin: not known.
 
 # Limit of the effort: strategy.py, curve_search.py, stepwise.py
 
-CURVE_SHARE = 0.35
+CURVE_SHARE = 0.5
 """Share of the effort for curves before effects are combined [remaining effort]. Origin: not known."""
 
 EFFECT_SHARE = 0.7
