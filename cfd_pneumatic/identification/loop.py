@@ -87,8 +87,6 @@ def close_loop(
     residuals = [experiment.measured - values for experiment, values in zip(experiments, after.simulated)]
     if searching:
         contradictions += contradiction(experiments, residuals, noise.std)
-    if unknown is not None and unknown.event:
-        contradictions.append(unknown.event)
     effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used_core = PHYSICAL if after.model.core else LINEAR
     tolerated = within_tolerance(tolerance, channel.quantity.small.unit, experiments, after.simulated)

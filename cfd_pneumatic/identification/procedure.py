@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.changes import Change, Cut, DeviceState, find_cut
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data import (
@@ -47,6 +49,10 @@ Progress = Callable[[str, float], None]
 """Called with the current activity and the completed share of the work [0 to 1]."""
 
 _SMOOTHING_SHARE = 0.06  # of the work
+_AFTER_CHANGE = (
+    'inspect what happened then. The results are those after the change; the card of the change and report.json have '
+    'those before'
+)
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,8 @@ def identify(
     Identify each recorded channel, jointly over all recordings.
 
     A failure of the force does not prevent the identification of the cylinders. Each piece of a recording between gaps
-    is a separate recording.
+    is a separate recording. If the device changed during a recording, the parts before and after the change are
+    identified separately.
 
     Raises
     ------
@@ -114,7 +121,14 @@ def identify(
     """
     if not recordings:
         raise InputError('there is no recording to identify: give one or more')
-    recordings = [piece for recording in recordings for piece in split_at_gaps(recording)]
+    pieces = [piece for recording in recordings for piece in split_at_gaps(recording)]
+    return _identify_pieces(pieces, options, progress, may_change=True)
+
+
+def _identify_pieces(
+    recordings: Sequence[Recording], options: Options, progress: Progress, *, may_change: bool
+) -> Identification:
+    """Identify recordings without gaps; `may_change`: whether to test for a change of the device."""
     progress('smoothing the displacement', 0.0)
     try:
         data = prepare_recordings(recordings, options.fractions)
@@ -139,6 +153,11 @@ def identify(
     reading = alternative_reading(recordings, options) if is_implausible else None
     notices_by_channel = {name: [reading] for name in waiting} if reading else _check_steps(needed, data, options)
     fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
+    is_tested = may_change and (options.close_loop or bool(errors)) and not (reading or fit_notices)
+    if is_tested and not any_warning(check_recordings(recordings, options)):
+        parts = _identify_parts(recordings, data, list(needed), options, progress)
+        if parts is not None:
+            return parts
     # A search for effects in these channels would take minutes and find nothing.
     not_searched = {*waiting} if any(map(hides_effects, recordings)) else {*notices_by_channel}
     if errors:
@@ -160,6 +179,81 @@ def identify(
     results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
     return Identification(
         tuple(recordings), data.recordings, data.splits, data.no_test, results, unidentified, options, notices
+    )
+
+
+def _identify_parts(
+    recordings: Sequence[Recording], data: Prepared, channels: Sequence[Channel], options: Options, progress: Progress
+) -> Identification | None:
+    """
+    Identify the recordings before and after a change of the device; return None if the device did not change.
+
+    The change also has to leave two parts that can be identified without a warning. Otherwise a likely input error, and
+    not a change, may explain the error.
+    """
+    cuts = {(channel.name, index): cut for channel in channels for index, cut in _cuts(channel, data)}
+    if not cuts:
+        return None
+    main = max(cuts, key=lambda key: cuts[key].drop)
+    index, cut = main[1], cuts[main]
+    recording = recordings[index]
+    parts = (
+        [*recordings[:index], recording.between(float(recording.displacement.times[0]), cut.low)],
+        [recording.between(cut.high, math.inf), *recordings[index + 1 :]],
+    )
+    quick = replace(options, close_loop=False)
+    try:
+        if any(
+            any_warning(_identify_pieces(part, quick, lambda _what, _share: None, may_change=False).notices)
+            for part in parts
+        ):
+            return None
+        before, after = (
+            _identify_pieces(part, options, _half_of(progress, half), may_change=False)
+            for half, part in enumerate(parts)
+        )
+    except InputError:
+        return None
+    changes = tuple(
+        Change(
+            name,
+            recording.name,
+            cut.time,
+            (cut.low, cut.high),
+            _state(before.channels[name], before.channels[name].comparisons[-1]),
+            _state(after.channels[name], after.channels[name].comparisons[0]),
+        )
+        for (name, place), found in cuts.items()
+        if place == index and found.low <= cut.high and cut.low <= found.high
+    )
+    notices = tuple(note('changed_during_recording', change.text, _AFTER_CHANGE) for change in changes)
+    return replace(after, notices=(*notices, *after.notices), changes=changes)
+
+
+def _cuts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Cut]]:
+    """Yield the indices of recordings in which a channel's device changed, and when."""
+    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
+        cut = find_cut(channel, experiment)
+        if cut is not None:
+            yield index, cut
+
+
+def _half_of(progress: Progress, half: int) -> Progress:
+    """Return a function that reports the progress of the first (0) or second (1) half of the work."""
+    return lambda what, share: progress(what, 0.5 * (half + share))
+
+
+def _state(result: ChannelResult, comparison: Comparison) -> DeviceState:
+    """Return the state of a channel next to a change; the comparison is that of the recording that shows the change."""
+    index, conclusion = comparison.experiment.index, result.conclusion
+    return DeviceState(
+        gains=result.fit.estimates,
+        offset=float(result.fit.model.recording_values[index, 0]),
+        offset_std=float(result.fit.stds[index, 0]),
+        effects=() if conclusion is None else conclusion.effects,
+        verdict='' if conclusion is None else conclusion.verdict,
+        why='' if conclusion is None else conclusion.why,
+        error=result.rms(1),
     )
 
 

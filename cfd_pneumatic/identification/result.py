@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.identification.changes import Change
 from cfd_pneumatic.identification.channels import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.conclusion import Conclusion, PartError
 from cfd_pneumatic.identification.data import PARTS, Experiment, Options, Split
@@ -240,6 +241,9 @@ class Identification:
         Options of the identification.
     notices
         Warnings about likely input errors, and notes about assumptions.
+    changes
+        Changes of the device during a recording. The results for all channels are those of the recordings after the
+        change, and each change has the results before it.
 
     """
 
@@ -251,6 +255,7 @@ class Identification:
     unidentified: Mapping[str, str]
     options: Options
     notices: tuple[Notice, ...] = ()
+    changes: tuple[Change, ...] = ()
 
     @property
     def ambient_pressure(self) -> float:

@@ -125,18 +125,6 @@ Part of a curve's band for errors of the model [range of the curve].
 Origin: at 0.0025 bands of two unseen seeds covered 89.9 % of 1,491 points instead of 95 % (commit 433f209).
 """
 
-EVENT_POINTS = 2
-"""
-Points within which a curve of the time changes at an event [points of the curve].
-Origin: a twentieth of the time (commit 5c4d339).
-"""
-
-LEAST_EVENT_SHARE = 0.6
-"""
-Least change of a curve of the time at an event [range of the curve].
-Origin: a set-point that jumps makes most of the change, a pressure that creeps at most two fifths (commit 5c4d339).
-"""
-
 LARGEST_FORMULA_SQUARES = 1.05
 """
 Largest sum of squares of a simulation with a formula in the place of its curve [sum of squares with the curve].

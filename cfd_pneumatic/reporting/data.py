@@ -11,8 +11,10 @@ from typing import Any
 
 from cfd_pneumatic.identification import (
     PARTS,
+    Change,
     ChannelResult,
     Characteristic,
+    DeviceState,
     Estimate,
     Identification,
     PartError,
@@ -67,8 +69,36 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
         if block is not None:
             block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
+    data['changes'] = [_change_data(change) for change in identification.changes]
     data['warnings'] = [asdict(notice) for notice in identification.notices]
     return data
+
+
+def _change_data(change: Change) -> dict[str, Any]:
+    """Return a change of the device: when, what differs, and the channel before and after the change."""
+    return {
+        'channel': change.channel,
+        'recording': change.recording,
+        'time_s': change.time,
+        'ci95_s': list(change.interval),
+        'text': change.text,
+        'differences': [difference._asdict() for difference in change.differences],
+        'before': _state_data(change.before),
+        'after': _state_data(change.after),
+    }
+
+
+def _state_data(state: DeviceState) -> dict[str, Any]:
+    """Return a channel before or after a change."""
+    return {
+        'parameters': _gain_data(state.gains),
+        'offset_pa': state.offset,
+        'offset_std_pa': state.offset_std,
+        'effects': list(state.effects),
+        'verdict': state.verdict or None,
+        'why': state.why or None,
+        'rmse_pa': state.error,
+    }
 
 
 def _finite(value: float | None) -> float | None:

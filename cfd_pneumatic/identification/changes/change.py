@@ -39,22 +39,18 @@ class DeviceState(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A quantity that differs before and after a change; a value is None if this part does not determine it."""
+    """A quantity that differs before and after a change [unit]."""
 
     name: str
     unit: str
-    before: float | None
-    after: float | None
+    before: float
+    after: float
 
     @property
     def text(self) -> str:
         """Return the difference as a clause."""
-        name = readable_name(self.name)
-        if self.before is None or self.after is None:
-            known, part = (self.after, 'before') if self.before is None else (self.before, 'after')
-            return f'{name} is not identifiable {part} the change and {number(known or 0.0)} {unit(self.unit)} otherwise'
         verb = 'rose' if self.after > self.before else 'fell'
-        return f'{name} {verb} from {number(self.before)} to {number(self.after)} {unit(self.unit)}'
+        return f'{self.name} {verb} from {number(self.before)} to {number(self.after)} {unit(self.unit)}'
 
 
 @dataclass(frozen=True)
@@ -84,15 +80,18 @@ class Change:
     def differences(self) -> tuple[Difference, ...]:
         """Quantities that differ by more than their standard errors and errors of the model, the largest first."""
         gains = [
-            difference
-            for before, after in zip(self.before.gains, self.after.gains)
-            if (difference := _difference(before, after)) is not None
+            difference for before, after in self.gain_pairs if (difference := _difference(before, after)) is not None
         ]
-        gains.sort(key=lambda gain: -abs(math.log((gain.after or math.inf) / (gain.before or math.inf))))
-        offset = Difference('offset at rest', 'Pa', self.before.offset, self.after.offset)
+        gains.sort(key=lambda gain: -abs(math.log(gain.after / gain.before)))
+        offset = Difference('the pressure at rest above the set-point', 'Pa', self.before.offset, self.after.offset)
         std = math.hypot(self.before.offset_std, self.after.offset_std, MODEL_ERROR * self.after.error)
         is_offset = abs(self.after.offset - self.before.offset) > max(LEAST_STANDARD_ERRORS * std, self.after.error)
         return (*gains, *([offset] if is_offset else []))
+
+    @property
+    def gain_pairs(self) -> tuple[tuple[Estimate, Estimate], ...]:
+        """Return each gain before and after the change."""
+        return tuple(zip(self.before.gains, self.after.gains))
 
     @property
     def text(self) -> str:

@@ -107,9 +107,13 @@ def _refine(fits: PartFits, time: float, parts: Grouping) -> tuple[float, float,
     is_before = times < time
     sides = [residual[own] for residual, own in zip(residuals, (is_before, ~is_before))]
     coefficients = autoregression(sides)
-    scale = NORMAL_PER_MEDIAN * float(np.median(np.abs(np.concatenate([whitened(side, coefficients) for side in sides]))))
+    scale = NORMAL_PER_MEDIAN * float(
+        np.median(np.abs(np.concatenate([whitened(side, coefficients) for side in sides])))
+    )
     before, after = (
-        0.5 * (DEGREES_OF_INNOVATIONS + 1.0) * np.log1p((whitened(run, coefficients) / scale) ** 2 / DEGREES_OF_INNOVATIONS)
+        0.5
+        * (DEGREES_OF_INNOVATIONS + 1.0)
+        * np.log1p((whitened(run, coefficients) / scale) ** 2 / DEGREES_OF_INNOVATIONS)
         for run in residuals
     )
     costs = np.cumsum(before - after) - (before - after)

@@ -110,7 +110,9 @@ class PartFits:
         excerpt = likelihood.excerpt(EXCERPT_STEPS)
         rough = [find_optimum(excerpt, start, *COMPARED_STARTS_SEARCH, passing=False) for start in self._starts]
         candidates = [min(rough, key=lambda optimum: optimum.cost).model, *starts]
-        return min((find_optimum(likelihood, start, *PART_SEARCH) for start in candidates), key=lambda fit: fit.cost).model
+        return min(
+            (find_optimum(likelihood, start, *PART_SEARCH) for start in candidates), key=lambda fit: fit.cost
+        ).model
 
     def residual(self, model: Model) -> Array:
         """Return measured minus simulated at all samples, shape (n,) [Pa]."""
@@ -132,7 +134,9 @@ class PartFits:
         drifts = self._drifts[self.counts]
         residual -= self._drifts @ np.linalg.lstsq(drifts, residual[self.counts], rcond=None)[0]
         squares = [float(np.mean(residual[self.counts & (groups == number)] ** 2)) for number in numbers]
-        shares = [np.count_nonzero(self.counts & (groups == number)) / np.count_nonzero(self.counts) for number in numbers]
+        shares = [
+            np.count_nonzero(self.counts & (groups == number)) / np.count_nonzero(self.counts) for number in numbers
+        ]
         cost = sum(share * math.log(max(square, LEAST_VARIANCE)) for share, square in zip(shares, squares))
         return Grouping(cost, tuple(models), tuple(math.sqrt(square) for square in squares))
 
