@@ -200,9 +200,10 @@ def test_the_test_part_decides_nothing():
     recording = replace(
         recording, cylinders={'cylinder_a': CylinderSignals(Signal(signals.pressure.times, spoilt), signals.setpoint)}
     )
-    other = identify([recording], Options(close_loop=True)).cylinders['cylinder_a']
-    assert other.conclusion.verdict == 'unexplained'
-    assert 'the device or its task may have changed' in other.conclusion.why
+    data = identify([recording]).cylinders['cylinder_a']  # a closed loop of all channels identifies the parts
+    found_without_test, conclusion = close_loop(data.fit)
+    print(conclusion.why)
+    assert 0
     assert [trial.effect for trial in other.conclusion.tried] == [trial.effect for trial in honest.conclusion.tried]
     found = honest.found if other.conclusion.effects else honest.fit
     np.testing.assert_allclose(other.found.model.parameters, found.model.parameters, rtol=1e-6)

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.changes.thresholds import (
     COMPARED_STARTS_SEARCH,
-    DRIFT_DEGREE,
     EXCERPT_STEPS,
+    LARGEST_DRIFT_DEGREE,
     LEAST_VARIANCE,
     MOST_COMPARED_STEPS,
     PART_SEARCH,
     SETTLING_TIME,
+    SHORTEST_DRIFT,
 )
 from cfd_pneumatic.identification.channels import Channel, Model
 from cfd_pneumatic.identification.data import Experiment
@@ -147,4 +148,5 @@ class PartFits:
 def _polynomials(times: Array, experiment: Experiment) -> Array:
     """Return polynomials of the time over a recording, shape (n, degree + 1)."""
     begin, end = experiment.begin, float(experiment.times[-1])
-    return np.asarray(np.polynomial.legendre.legvander(2.0 * (times - begin) / (end - begin) - 1.0, DRIFT_DEGREE))
+    degree = min(max(int((end - begin) / SHORTEST_DRIFT), 1), LARGEST_DRIFT_DEGREE)
+    return np.asarray(np.polynomial.legendre.legvander(2.0 * (times - begin) / (end - begin) - 1.0, degree))

@@ -32,9 +32,15 @@ Grid steps up to which a whole recording is compared; of a longer recording stre
 Origin: two minutes at 500 Hz, so that the comparison takes some seconds.
 """
 
-DRIFT_DEGREE = 6
+SHORTEST_DRIFT = 10.0
 """
-Degree of the polynomial of the time that counts as a slow drift of sensor or set-point [1].
+Time per degree of the polynomial that counts as a slow drift [s]. Quicker changes overlap with single strokes.
+Origin: a polynomial of degree 6 in 6 s hid a jump of the set-point of 750 Pa.
+"""
+
+LARGEST_DRIFT_DEGREE = 6
+"""
+Largest degree of the polynomial of the time that counts as a slow drift of sensor or set-point [1].
 Origin: an exponential drift with a time constant of a fifth of the recording must be no change.
 """
 
