@@ -12,7 +12,7 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.changes import Change, Cut, DeviceState, find_cut
+from cfd_pneumatic.identification.changes import Change, Cut, DeviceState, cut_of_curve, find_cut
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data import (
@@ -155,7 +155,8 @@ def _identify_pieces(
     fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
     is_tested = may_change and (options.close_loop or bool(errors)) and not (reading or fit_notices)
     if is_tested and not any_warning(check_recordings(recordings, options)):
-        parts = _identify_parts(recordings, data, list(needed), options, progress)
+        cuts = {(channel.name, index): cut for channel in needed for index, cut in _cuts(channel, data)}
+        parts = _identify_parts(recordings, cuts, options, progress)
         if parts is not None:
             return parts
     # A search for effects in these channels would take minutes and find nothing.
@@ -172,6 +173,10 @@ def _identify_pieces(
         return result
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
+    if is_tested:
+        parts = _identify_parts(recordings, dict(_cuts_of_curves(results)), options, progress)
+        if parts is not None:
+            return parts
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
@@ -183,15 +188,15 @@ def _identify_pieces(
 
 
 def _identify_parts(
-    recordings: Sequence[Recording], data: Prepared, channels: Sequence[Channel], options: Options, progress: Progress
+    recordings: Sequence[Recording], cuts: Mapping[tuple[str, int], Cut], options: Options, progress: Progress
 ) -> Identification | None:
     """
     Identify the recordings before and after a change of the device; return None if the device did not change.
 
-    The change also has to leave two parts that can be identified without a warning. Otherwise a likely input error, and
-    not a change, may explain the error.
+    `cuts` has the changes by name of the channel and index of the recording; the clearest change counts. The change
+    also has to leave two parts that can be identified without a warning. Otherwise a likely input error, and not a
+    change, may explain the error.
     """
-    cuts = {(channel.name, index): cut for channel in channels for index, cut in _cuts(channel, data)}
     if not cuts:
         return None
     main = max(cuts, key=lambda key: cuts[key].drop)
@@ -236,6 +241,17 @@ def _cuts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Cut]]:
         cut = find_cut(channel, experiment)
         if cut is not None:
             yield index, cut
+
+
+def _cuts_of_curves(results: Mapping[str, ChannelResult]) -> Iterator[tuple[tuple[str, int], Cut]]:
+    """Yield changes that curves of the time show, by name of the channel and index of the recording."""
+    for name, result in results.items():
+        curve = None if result.conclusion is None else result.conclusion.unknown
+        if curve is not None and curve.against == 'time' and len(result.comparisons) == 1:
+            (comparison,) = result.comparisons
+            cut = cut_of_curve(comparison.experiment.begin + curve.at, curve.value)
+            if cut is not None:
+                yield (name, comparison.recording), cut
 
 
 def _half_of(progress: Progress, half: int) -> Progress:

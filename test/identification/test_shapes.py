@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -152,9 +150,14 @@ def test_an_effect_that_the_library_lacks_is_drawn_where_it_may_enter(effect, se
 def test_what_comes_at_once_is_a_change_and_no_law_of_the_time() -> None:
     one = draw('set_point_jump', 'out_and_back', 5205)
     found = identify([recording_of(one)], Options(close_loop=True))
-    changes = [change for change in found.changes if change.channel == 'cylinder_a']
-    print(changes, one.truth.changes, found.channels['cylinder_a'].conclusion.why)
-    assert 0
+    (change,) = [change for change in found.changes if change.channel == 'cylinder_a']
+    low, high = change.interval
+    assert low <= one.truth.changes['effects_a.jump_time'] <= high < low + 0.5
+    assert {change.before.verdict, change.after.verdict} == {'no_missing_effect'}
+    (difference,) = change.differences
+    assert difference.name == 'the pressure at rest above the set-point'
+    jump = difference.after - difference.before
+    assert jump == pytest.approx(one.truth.changes['effects_a.jump'], rel=0.1)
 
 
 def test_short_stretches_see_all_of_a_recording() -> None:

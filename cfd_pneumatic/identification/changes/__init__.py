@@ -9,6 +9,6 @@ from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.changes.change import Change, DeviceState, Difference
-    from cfd_pneumatic.identification.changes.detection import Cut, find_cut
+    from cfd_pneumatic.identification.changes.detection import Cut, cut_of_curve, find_cut
 else:
     __getattr__ = loader_of(__name__)

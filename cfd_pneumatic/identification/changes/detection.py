@@ -24,9 +24,11 @@ from cfd_pneumatic.identification.changes.excitation import groups_by_excitation
 from cfd_pneumatic.identification.changes.part_fits import Grouping, PartFits
 from cfd_pneumatic.identification.changes.thresholds import (
     DEGREES_OF_INNOVATIONS,
+    EVENT_POINTS,
     FIRST_CUTS,
     LARGEST_COST_RISE,
     LEAST_DROP,
+    LEAST_EVENT_SHARE,
     LEAST_RMS_OVER_NOISE,
     LEAST_SIDE,
     LEAST_VARIANCE,
@@ -76,6 +78,27 @@ def find_cut(channel: Channel, experiment: Experiment) -> Cut | None:
             return None
         drop = min(drop, fits.grouped(groups, fits.joint.models).cost - parts.cost)
     return Cut(*_refine(fits, time, parts), drop) if drop >= least_drop else None
+
+
+def cut_of_curve(times: Array, values: Array) -> Cut | None:
+    """
+    Return the change at which most of a curve of the time varies at once; None if the curve varies slowly.
+
+    A search finds such a curve if the error of the model hides the change from `find_cut`.
+
+    Parameters
+    ----------
+    times, values
+        Points of the curve, each of shape (n,) [s] and [unit of the curve].
+
+    """
+    variations = np.abs(values[EVENT_POINTS:] - values[:-EVENT_POINTS])
+    largest = int(np.argmax(variations))
+    share = float(variations[largest]) / max(float(np.ptp(values)), LEAST_VARIANCE)
+    if share < LEAST_EVENT_SHARE:
+        return None
+    low, high = float(times[largest]), float(times[largest + EVENT_POINTS])
+    return Cut(0.5 * (low + high), low, high, share)
 
 
 def _search_time(fits: PartFits, share: float) -> tuple[float, Grouping]:

@@ -108,6 +108,18 @@ DEGREES_OF_INNOVATIONS = 4.0
 NORMAL_PER_MEDIAN = 1.4826
 """Standard deviation of a normal distribution [median absolute deviations]. Origin: the normal distribution."""
 
+EVENT_POINTS = 2
+"""
+Points within which a curve of the time varies at a change [points of the curve].
+Origin: a twentieth of the time (commit 5c4d339).
+"""
+
+LEAST_EVENT_SHARE = 0.6
+"""
+Least variation of a curve of the time at a change [range of the curve].
+Origin: a set-point that jumps makes most of the variation, a pressure that creeps at most two fifths (commit 5c4d339).
+"""
+
 # Difference of the parts: change.py
 
 LEAST_STANDARD_ERRORS = 3.0
