@@ -83,7 +83,9 @@ class Conclusion:
     is_searched
         Whether effects were searched; false for recordings with a likely input error.
     contradictions
-        Clauses that withdraw the verdict, such as an error that grows from some time on.
+        Clauses that withdraw the verdict, such as a test part with a larger error.
+    not_tested
+        Clauses about what the test part does not test, such as the response to set-points.
 
     """
 
@@ -104,6 +106,7 @@ class Conclusion:
     unknown: Characteristic | None = None
     is_searched: bool = True
     contradictions: tuple[str, ...] = ()
+    not_tested: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:

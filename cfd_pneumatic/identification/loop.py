@@ -32,7 +32,7 @@ from cfd_pneumatic.identification.data import AUTO, LINEAR, PHYSICAL, Tolerance
 from cfd_pneumatic.identification.fit import Fit, summary
 from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.search import FittedCurve, Strategy, Trial, effects_not_visible, fit_curve
-from cfd_pneumatic.identification.test_part import contradiction
+from cfd_pneumatic.identification.test_part import contradiction, not_tested
 from cfd_pneumatic.identification.thresholds import (
     LARGEST_CURVE_ERROR,
     LARGEST_CURVE_ERROR_WITH_EFFECTS,
@@ -122,6 +122,7 @@ def close_loop(
         unknown=unknown,
         is_searched=searching,
         contradictions=tuple(contradictions),
+        not_tested=not_tested(experiments),
     )
     return after, conclusion
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test whether the test part contradicts the model of the train and validation parts; the last step of a verdict."""
+"""Test whether the test part contradicts the model of the other parts, and state what the test part does not test."""
 
 from __future__ import annotations
 
@@ -11,12 +11,40 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.data import PARTS, Experiment, stroke_times
 from cfd_pneumatic.identification.residual import SIGNIFICANCE
-from cfd_pneumatic.identification.thresholds import LARGEST_TEST_RATIO, LEAST_TEST_RISE
+from cfd_pneumatic.identification.thresholds import FEWEST_TEST_STROKES, LARGEST_TEST_RATIO, LEAST_TEST_RISE
 
 _TINY = float(np.finfo(np.float64).tiny)
+
+
+def not_tested(experiments: Sequence[Experiment]) -> tuple[str, ...]:
+    """Return clauses about what the test part does not test; empty without a test part."""
+    tests = [experiment.part == PARTS.index('test') for experiment in experiments]
+    if not any(map(np.any, tests)):
+        return ()
+    clauses = []
+    if all('setpoint' in experiment.inputs for experiment in experiments):
+        steps = [np.diff(experiment.at_samples('setpoint'), prepend=np.nan) != 0.0 for experiment in experiments]
+        in_test = sum(int(np.count_nonzero(step[1:] & test[1:])) for step, test in zip(steps, tests))
+        if not in_test and any(np.any(step[1:]) for step in steps):
+            clauses.append('the test part has no set-point step: the response to set-points was not tested')
+    strokes = sum(_strokes_of_test(experiment, test) for experiment, test in zip(experiments, tests))
+    if strokes < FEWEST_TEST_STROKES:
+        count = 'a single stroke' if strokes == 1 else 'no stroke'
+        clauses.append(f'the test part has {count}: whether strokes repeat was not tested')
+    return tuple(clauses)
+
+
+def _strokes_of_test(experiment: Experiment, is_test: Mask) -> int:
+    """Return the number of strokes that begin in the test part."""
+    if not np.any(is_test):
+        return 0
+    begins = stroke_times(experiment.times, experiment.inputs['displacement'], experiment.motion.noise)[:-1]
+    times = experiment.sample_times[is_test]
+    tolerance = experiment.period  # a part begins at a turning point of the displacement
+    return int(np.count_nonzero((begins >= times[0] - tolerance) & (begins <= times[-1])))
 
 
 class _Strokes(NamedTuple):

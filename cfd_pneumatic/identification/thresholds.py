@@ -54,6 +54,9 @@ recordings hardly scatter.
 Origin: not known (1.05 before commit 851b74e).
 """
 
+FEWEST_TEST_STROKES = 2
+"""Strokes of a test part that tests whether strokes repeat [strokes]. Origin: two strokes are the fewest to repeat."""
+
 # Dependence of the residual: residual_dependence.py
 
 DEPENDENCE_BINS = 24

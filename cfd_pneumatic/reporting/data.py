@@ -193,6 +193,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         ],
         'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
         'not_visible': list(findings.not_visible),
+        'not_tested': list(findings.not_tested),
         'next_experiment': findings.next_experiment,
     }
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.test_part import contradiction
+from cfd_pneumatic.identification.test_part import contradiction, not_tested
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from studies.panel import draw
@@ -113,3 +113,17 @@ def test_an_effect_with_which_the_error_does_not_fall_is_not_added():
     assert closure.ratio is None
     assert not any(trial.accepted for trial in closure.tried)
     np.testing.assert_array_equal(fit.simulated[0], result.fit.simulated[0])
+
+
+def test_states_what_the_test_part_does_not_test(strokes):
+    assert not_tested([strokes]) == ()
+    early = np.where(strokes.times < 10.0, 150e3, 160e3)
+    inputs = {**strokes.inputs, 'setpoint': early}
+    (clause,) = not_tested([replace(strokes, inputs=inputs)])
+    assert clause == 'the test part has no set-point step: the response to set-points was not tested'
+    late = {**strokes.inputs, 'setpoint': np.where(strokes.times < 27.0, 150e3, 160e3)}
+    assert not_tested([replace(strokes, inputs=late)]) == ()
+    last = np.where(strokes.sample_times > 28.7, TEST, 0).astype(np.int8)
+    (clause,) = not_tested([replace(strokes, part=last)])
+    assert clause == 'the test part has a single stroke: whether strokes repeat was not tested'
+    assert not_tested([replace(strokes, part=np.zeros_like(last))]) == ()
