@@ -12,7 +12,16 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.changes import Change, Cut, DeviceState, cut_of_curve, find_cut
+from cfd_pneumatic.identification.changes import (
+    Change,
+    Cut,
+    DeviceState,
+    Drift,
+    cut_of_curve,
+    find_cut,
+    find_drift,
+    without_drift,
+)
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data import (
@@ -49,6 +58,10 @@ Progress = Callable[[str, float], None]
 """Called with the current activity and the completed share of the work [0 to 1]."""
 
 _SMOOTHING_SHARE = 0.06  # of the work
+_WITHOUT_DRIFT = (
+    'inspect the temperature of sensor, regulator and supply. The drift is no change of the device. It was removed before '
+    'the fit'
+)
 _AFTER_CHANGE = (
     'inspect what happened then. The results are those after the change; the card of the change and report.json have '
     'those before'
@@ -153,12 +166,19 @@ def _identify_pieces(
     reading = alternative_reading(recordings, options) if is_implausible else None
     notices_by_channel = {name: [reading] for name in waiting} if reading else _check_steps(needed, data, options)
     fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
+    drifts: list[tuple[int, Drift]] = []
     is_tested = may_change and (options.close_loop or bool(errors)) and not (reading or fit_notices)
     if is_tested and not any_warning(check_recordings(recordings, options)):
         cuts = {(channel.name, index): cut for channel in needed for index, cut in _cuts(channel, data)}
         parts = _identify_parts(recordings, cuts, options, progress)
         if parts is not None:
             return parts
+        drifts = [drift for channel in needed for drift in _drifts(channel, data)]
+        if drifts and not errors:
+            data = replace(data, recordings=_without_drifts(data, drifts))
+            fits |= {channel.name: _fit_channel(channel, data) for channel in channels}
+            failed = {name: fit for name, fit in fits.items() if isinstance(fit, InputError)}
+            fitted = {channel: fit for channel in channels if isinstance(fit := fits[channel.name], Fit)}
     # A search for effects in these channels would take minutes and find nothing.
     not_searched = {*waiting} if any(map(hides_effects, recordings)) else {*notices_by_channel}
     if errors:
@@ -179,11 +199,20 @@ def _identify_pieces(
             return parts
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
+    notices += tuple(note('slow_drift', drift.text, _WITHOUT_DRIFT) for _, drift in drifts)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
     notices += tuple(_notice_of(error, misread) for error in failed.values())
     results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
     return Identification(
-        tuple(recordings), data.recordings, data.splits, data.no_test, results, unidentified, options, notices
+        tuple(recordings),
+        data.recordings,
+        data.splits,
+        data.no_test,
+        results,
+        unidentified,
+        options,
+        notices,
+        drifts=tuple(drift for _, drift in drifts),
     )
 
 
@@ -241,6 +270,22 @@ def _cuts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Cut]]:
         cut = find_cut(channel, experiment)
         if cut is not None:
             yield index, cut
+
+
+def _drifts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Drift]]:
+    """Yield the indices of recordings in which a channel drifts, and the drifts."""
+    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
+        drift = find_drift(channel, experiment)
+        if drift is not None:
+            yield index, drift
+
+
+def _without_drifts(data: Prepared, drifts: Sequence[tuple[int, Drift]]) -> tuple[Recording, ...]:
+    """Return the recordings without drifts, which have the indices of their recordings."""
+    recordings = list(data.recordings)
+    for index, drift in drifts:
+        recordings[index] = without_drift(recordings[index], drift)
+    return tuple(recordings)
 
 
 def _cuts_of_curves(results: Mapping[str, ChannelResult]) -> Iterator[tuple[tuple[str, int], Cut]]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.identification.changes import Change
+from cfd_pneumatic.identification.changes import Change, Drift
 from cfd_pneumatic.identification.channels import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.conclusion import Conclusion, PartError
 from cfd_pneumatic.identification.data import PARTS, Experiment, Options, Split
@@ -244,6 +244,8 @@ class Identification:
     changes
         Changes of the device during a recording. The results for all channels are those of the recordings after the
         change, and each change has the results before it.
+    drifts
+        Slow drifts of a sensor or a set-point, which were removed before the fit.
 
     """
 
@@ -256,6 +258,7 @@ class Identification:
     options: Options
     notices: tuple[Notice, ...] = ()
     changes: tuple[Change, ...] = ()
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def ambient_pressure(self) -> float:

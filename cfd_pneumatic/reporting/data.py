@@ -70,6 +70,16 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
             block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
     data['changes'] = [_change_data(change) for change in identification.changes]
+    data['drifts'] = [
+        {
+            'channel': drift.channel,
+            'recording': drift.recording,
+            'total_pa': drift.total,
+            'rate_pa_per_s': drift.rate,
+            'text': drift.text,
+        }
+        for drift in identification.drifts
+    ]
     data['warnings'] = [asdict(notice) for notice in identification.notices]
     return data
 

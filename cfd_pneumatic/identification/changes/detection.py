@@ -71,7 +71,7 @@ def find_cut(channel: Channel, experiment: Experiment) -> Cut | None:
     noise = sample_noise(experiment.sample_times, experiment.measured)
     if fits.joint.stds[0] < LEAST_RMS_OVER_NOISE * noise:
         return None
-    time, parts = min((_search_time(fits, share) for share in FIRST_CUTS), key=lambda found: found[1].cost)
+    time, parts = min((search_time(fits, share) for share in FIRST_CUTS), key=lambda found: found[1].cost)
     drop = fits.joint.cost - parts.cost
     for groups in groups_by_excitation(fits.experiments, fits.counts):
         if drop < least_drop:
@@ -101,7 +101,7 @@ def cut_of_curve(times: Array, values: Array) -> Cut | None:
     return Cut(0.5 * (low + high), low, high, share)
 
 
-def _search_time(fits: PartFits, share: float) -> tuple[float, Grouping]:
+def search_time(fits: PartFits, share: float) -> tuple[float, Grouping]:
     """Return the time of a change and the models before and after, searched from a share of the recording."""
     index = int(share * fits.times.size)
     best: tuple[float, Grouping] | None = None

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.changes.thresholds import (
     COMPARED_STARTS_SEARCH,
+    DRIFT_ROUNDS,
     EXCERPT_STEPS,
     LARGEST_DRIFT_DEGREE,
     LEAST_VARIANCE,
@@ -59,6 +60,8 @@ class PartFits:
     ----------
     channel, experiment
         Channel, and the recording.
+    degree
+        Degree of the polynomial; by default as its duration allows.
 
     Attributes
     ----------
@@ -75,7 +78,7 @@ class PartFits:
 
     """
 
-    def __init__(self, channel: Channel, experiment: Experiment) -> None:
+    def __init__(self, channel: Channel, experiment: Experiment, degree: int | None = None) -> None:
         self._channel = channel
         late = experiment.sample_times >= experiment.begin + SETTLING_TIME
         whole = replace(experiment, index=0, chosen=late)
@@ -84,21 +87,43 @@ class PartFits:
         self.times = np.concatenate([stretch.sample_times for stretch in self.experiments])
         self.counts = np.concatenate([stretch.counts for stretch in self.experiments])
         self._starts = [*channel.starts([whole])]
-        self._drifts = _polynomials(self.times, experiment)
-        self._remove_drift(experiment)
+        begin, end = experiment.begin, float(experiment.times[-1])
+        largest = min(max(int((end - begin) / SHORTEST_DRIFT), 1), LARGEST_DRIFT_DEGREE)
+        self._begin, self._end, self._degree = begin, end, largest if degree is None else min(degree, largest)
+        self._drifts = self._polynomials(self.times)
+        self._coefficients = np.zeros(self._degree + 1)
+        self.whole = replace(experiment, index=0, chosen=None)
+        for _ in range(DRIFT_ROUNDS):
+            self._remove_drift()
         self.joint = self.grouped(np.zeros(self.times.size, np.intp))
 
-    def _remove_drift(self, experiment: Experiment) -> None:
+    @property
+    def has_bent_drift(self) -> bool:
+        """Whether the drift may be more than a straight line of the time."""
+        return self._degree > 1
+
+    def drift(self, times: Array) -> Array:
+        """Return the drift of the single model at times, zero on average, shape (n,) [Pa]."""
+        within = np.clip(times, self._begin, self._end)
+        return np.asarray(self._polynomials(within) @ self._coefficients)
+
+    def _polynomials(self, times: Array) -> Array:
+        """Return polynomials of the time over the recording, shape (n, degree + 1)."""
+        place = 2.0 * (times - self._begin) / (self._end - self._begin) - 1.0
+        return np.asarray(np.polynomial.legendre.legvander(place, self._degree))
+
+    def _remove_drift(self) -> None:
         """Remove the drift of the joint model's residual from the measured signal."""
         residual = self.residual(self.fit(self.counts))
         coefficients = np.linalg.lstsq(self._drifts[self.counts], residual[self.counts], rcond=None)[0]
         coefficients[0] = 0.0  # the offset of the models
+        self._coefficients += coefficients
 
         def without_drift(stretch: Experiment) -> Experiment:
-            drift = _polynomials(stretch.sample_times, experiment) @ coefficients
+            drift = self._polynomials(stretch.sample_times) @ coefficients
             return replace(stretch, measured=stretch.measured - drift)
 
-        self.whole = without_drift(replace(experiment, index=0, chosen=None))
+        self.whole = without_drift(self.whole)
         self.experiments = tuple(map(without_drift, self.experiments))
         self.likelihood = replace(self.likelihood, experiments=self.experiments)
 
@@ -143,10 +168,3 @@ class PartFits:
 
     def _fit_group(self, groups: NDArray[np.intp], starts: Sequence[Model], number: int) -> Model:
         return self.fit(groups == number, starts)
-
-
-def _polynomials(times: Array, experiment: Experiment) -> Array:
-    """Return polynomials of the time over a recording, shape (n, degree + 1)."""
-    begin, end = experiment.begin, float(experiment.times[-1])
-    degree = min(max(int((end - begin) / SHORTEST_DRIFT), 1), LARGEST_DRIFT_DEGREE)
-    return np.asarray(np.polynomial.legendre.legvander(2.0 * (times - begin) / (end - begin) - 1.0, degree))

@@ -44,6 +44,12 @@ Largest degree of the polynomial of the time that counts as a slow drift of sens
 Origin: an exponential drift with a time constant of a fifth of the recording must be no change.
 """
 
+DRIFT_ROUNDS = 2
+"""
+Rounds of a fit and the removal of the drift [1]. The drift misleads the gains of the first fit.
+Origin: not known.
+"""
+
 LEAST_VARIANCE = 1e-12
 """Least mean square of a residual before its logarithm [Pa^2]. Origin: a guard against the logarithm of zero."""
 
@@ -81,6 +87,15 @@ LEAST_RMS_OVER_NOISE = 1.1
 """
 Least error of a single model for a search for a change [standard deviations of the noise].
 Origin: the errors of healthy devices of the panel are below 1.05.
+"""
+
+# Drift: drift.py
+
+LEAST_DRIFT_DROP = 0.25
+"""
+Least fall of the mean logarithm of the squared error for a bent drift [1], compared with a straight drift.
+Healthy devices and devices with a straight drift reach 0.11, devices with an exponential drift 0.41 to 0.58.
+Origin: devices with foreign equations, seeds 1 to 3.
 """
 
 # Excitation that may explain an error: excitation.py
