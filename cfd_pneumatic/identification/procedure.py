@@ -58,10 +58,10 @@ Progress = Callable[[str, float], None]
 """Called with the current activity and the completed share of the work [0 to 1]."""
 
 _SMOOTHING_SHARE = 0.06  # of the work
-_WITHOUT_DRIFT = (
-    'inspect the temperature of sensor, regulator and supply. The drift is no change of the device. It was removed before '
-    'the fit'
-)
+_STRAIGHT_DRIFT = 'set_point_drift'
+_DRIFT_CAUSES = 'inspect the temperature of sensor, regulator and supply. The drift is no change of the device'
+_DRIFT_REMOVED = f'{_DRIFT_CAUSES}. It was removed before the fit'
+_DRIFT_IN_MODEL = f'{_DRIFT_CAUSES}. It is part of the model'
 _AFTER_CHANGE = (
     'inspect what happened then. The results are those after the change; the card of the change and report.json have '
     'those before'
@@ -167,14 +167,16 @@ def _identify_pieces(
     notices_by_channel = {name: [reading] for name in waiting} if reading else _check_steps(needed, data, options)
     fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
     drifts: list[tuple[int, Drift]] = []
-    is_tested = may_change and (options.close_loop or bool(errors)) and not (reading or fit_notices)
-    if is_tested and not any_warning(check_recordings(recordings, options)):
+    is_tested = (options.close_loop or bool(errors)) and not (reading or fit_notices)
+    is_tested = is_tested and not any_warning(check_recordings(recordings, options))
+    if is_tested and may_change:
         cuts = {(channel.name, index): cut for channel in needed for index, cut in _cuts(channel, data)}
         parts = _identify_parts(recordings, cuts, options, progress)
         if parts is not None:
             return parts
+    if is_tested and not errors:
         drifts = [drift for channel in needed for drift in _drifts(channel, data)]
-        if drifts and not errors:
+        if drifts:
             data = replace(data, recordings=_without_drifts(data, drifts))
             fits |= {channel.name: _fit_channel(channel, data) for channel in channels}
             failed = {name: fit for name, fit in fits.items() if isinstance(fit, InputError)}
@@ -193,13 +195,15 @@ def _identify_pieces(
         return result
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
-    if is_tested:
+    if is_tested and may_change:
         parts = _identify_parts(recordings, dict(_cuts_of_curves(results)), options, progress)
         if parts is not None:
             return parts
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
-    notices += tuple(note('slow_drift', drift.text, _WITHOUT_DRIFT) for _, drift in drifts)
+    straight_drifts = [*_straight_drifts(results)]
+    notices += tuple(note('slow_drift', drift.text, _DRIFT_REMOVED) for _, drift in drifts)
+    notices += tuple(note('slow_drift', drift.text, _DRIFT_IN_MODEL) for drift in straight_drifts)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
     notices += tuple(_notice_of(error, misread) for error in failed.values())
     results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
@@ -212,7 +216,7 @@ def _identify_pieces(
         unidentified,
         options,
         notices,
-        drifts=tuple(drift for _, drift in drifts),
+        drifts=(*(drift for _, drift in drifts), *straight_drifts),
     )
 
 
@@ -278,6 +282,16 @@ def _drifts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Drift]]:
         drift = find_drift(channel, experiment)
         if drift is not None:
             yield index, drift
+
+
+def _straight_drifts(results: Mapping[str, ChannelResult]) -> Iterator[Drift]:
+    """Yield the drifts that the search found as an effect, for each recording."""
+    for result in results.values():
+        if _STRAIGHT_DRIFT in result.found.model.effects:
+            rate = result.found.model.effects[_STRAIGHT_DRIFT][0]
+            for comparison in result.comparisons:
+                times = comparison.times
+                yield Drift(result.name, comparison.name, times, rate * (times - float(np.mean(times))))
 
 
 def _without_drifts(data: Prepared, drifts: Sequence[tuple[int, Drift]]) -> tuple[Recording, ...]:

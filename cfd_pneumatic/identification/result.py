@@ -245,7 +245,8 @@ class Identification:
         Changes of the device during a recording. The results for all channels are those of the recordings after the
         change, and each change has the results before it.
     drifts
-        Slow drifts of a sensor or a set-point, which were removed before the fit.
+        Slow drifts of a sensor or a set-point: bent drifts, which were removed before the fit, and straight drifts,
+        which the effect `set_point_drift` describes.
 
     """
 

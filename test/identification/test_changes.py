@@ -9,7 +9,7 @@ from drawn import experiments_of, recorded, recording_of
 from reference import AMBIENT
 
 from cfd_pneumatic.identification import Estimate, Options, identify
-from cfd_pneumatic.identification.changes import Change, DeviceState, cut_of_curve, find_cut
+from cfd_pneumatic.identification.changes import Change, DeviceState, cut_of_curve, find_cut, find_drift, without_drift
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.recording import CylinderSignals
 from cfd_pneumatic.reporting import report_data
@@ -82,18 +82,39 @@ def test_a_kinked_hose_is_found_and_timed():
     assert all(cut.low - 0.1 <= 13.0 <= cut.high + 0.1 for cut in found), found
 
 
-@pytest.mark.parametrize('shape', ['linear', 'exponential'])
-def test_a_slow_drift_is_no_change(shape):
-    recording = played(surface(3))
+def drifting(shape, total=5e3, duration=40.0):
+    """Return a recording to whose pressure a drift was added [Pa]."""
+    recording = played(surface(3, duration))
     signals = recording.cylinders['cylinder_a']
     share = signals.pressure.times / signals.pressure.times[-1]
-    drift = 5e3 * (share if shape == 'linear' else -np.expm1(-share / 0.4))
-    displacement, setpoint = recording.displacement, signals.setpoint
-    levels = setpoint.values[np.searchsorted(setpoint.times, signals.pressure.times, side='left').clip(min=1) - 1]
-    drifting = recorded(
-        signals.pressure.times, displacement.values, levels, signals.pressure.values + drift, 'drifting'
-    )
-    assert cut_of(drifting) is None
+    drift = total * {'linear': share, 'exponential': np.expm1(-share / 0.3) / np.expm1(-1.0 / 0.3)}[shape]
+    pressure = replace(signals.pressure, values=signals.pressure.values + drift)
+    return replace(recording, cylinders={'cylinder_a': replace(signals, pressure=pressure)})
+
+
+@pytest.mark.parametrize('shape', ['linear', 'exponential'])
+def test_a_slow_drift_is_no_change(shape):
+    assert cut_of(drifting(shape)) is None
+
+
+def test_a_bent_drift_is_found_and_removed():
+    recording = drifting('exponential')
+    (experiment,) = experiments_of([recording])
+    drift = find_drift(CHANNEL, experiment)
+    assert drift.total == pytest.approx(5e3, rel=0.15)
+    share = experiment.sample_times / experiment.sample_times[-1]
+    true = 5e3 * np.expm1(-share / 0.3) / np.expm1(-1.0 / 0.3)
+    assert np.std(drift.values - true) < 0.1 * np.std(true)
+    cleaned = without_drift(recording, drift).cylinders['cylinder_a'].pressure.values
+    np.testing.assert_allclose(cleaned, experiment.measured - drift.values, atol=1.0)
+    assert 'drifts slowly' in drift.text
+
+
+def test_healthy_devices_and_changes_are_no_bent_drift():
+    recordings = [played(surface(seed)) for seed in range(2)]
+    recordings += [recording_of(draw(None, 'surface_following', 2)), played(surface(1), KINK, 13.0), drifting('linear')]
+    found = [find_drift(CHANNEL, experiments_of([recording])[0]) for recording in recordings]
+    assert found == [None] * len(found)
 
 
 def test_wider_strokes_at_the_end_are_no_change():
