@@ -60,8 +60,8 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
     Return a clause about how the test part contradicts a model; empty without a contradiction or a test part.
 
     The test part contradicts the model if its RMSE is above the noise and clearly above the RMSE of the train part: by
-    half, or by more than the scatter from stroke to stroke allows, whichever is less. The contradiction does not say
-    why: `changes` tests whether the device changed.
+    half, or by more than the scatter from stroke to stroke allows, whichever is less. The package
+    `changes` tests whether the device changed.
 
     Parameters
     ----------

@@ -14,7 +14,16 @@ from cfd_pneumatic.reporting import report_data
 ADDED = {
     *('verdict', 'why', 'effects', 'status', 'effect_parameters', 'parameters_after', 'alternatives', 'after'),
     *('core', 'core_parameters'),
-    *('after_over_before', 'tried', 'residual_tests', 'not_visible', 'next_experiment', 'left', 'unknown'),
+    *(
+        'after_over_before',
+        'tried',
+        'residual_tests',
+        'not_visible',
+        'not_tested',
+        'next_experiment',
+        'left',
+        'unknown',
+    ),
 }
 
 

@@ -128,7 +128,7 @@ def _refine(fits: PartFits, time: float, parts: Grouping) -> tuple[float, float,
     times = fits.whole.sample_times
     residuals = [fits.whole_residual(model) for model in parts.models]
     is_before = times < time
-    sides = [residual[own] for residual, own in zip(residuals, (is_before, ~is_before))]
+    sides = [residual[mask] for residual, mask in zip(residuals, (is_before, ~is_before))]
     coefficients = autoregression(sides)
     scale = NORMAL_PER_MEDIAN * float(
         np.median(np.abs(np.concatenate([whitened(side, coefficients) for side in sides])))

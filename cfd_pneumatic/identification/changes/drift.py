@@ -2,8 +2,8 @@
 """
 Test whether the sensor or the set-point drifts slowly along a bent curve, and estimate the drift.
 
-A slow drift of the sensor, of the set-point, of the supply or of a temperature moves the pressure in the same way, so
-that a recording does not distinguish these causes. The effect `set_point_drift` is a straight drift. A bent drift would
+A slow drift of the sensor, the set-point, the supply or a temperature moves the pressure in the same way. A recording
+does not distinguish these causes. The effect `set_point_drift` is a straight drift. A bent drift would
 mislead the search for effects and is removed before the search.
 """
 
