@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from cfd_pneumatic.lazy import loader_of
 
 if TYPE_CHECKING:
+    from cfd_pneumatic.identification.changes import Change, DeviceState, Drift
     from cfd_pneumatic.identification.channels import PLACES, VARIABLES, Channel, Estimate, Force, Model, Pressure
     from cfd_pneumatic.identification.characteristic import Characteristic
     from cfd_pneumatic.identification.conclusion import Conclusion, PartError, ratio_without_rests

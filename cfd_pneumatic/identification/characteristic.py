@@ -18,11 +18,9 @@ from cfd_pneumatic.identification.thresholds import (
     BAND_HALF_WIDTH,
     CORNER_ERROR,
     CURVE_POINTS,
-    EVENT_POINTS,
     FEWEST_VISITS,
     FORMULA_SEARCH,
     LARGEST_FORMULA_SQUARES,
-    LEAST_EVENT_SHARE,
     MODEL_ERROR,
 )
 from cfd_pneumatic.model import KNOTS
@@ -72,16 +70,6 @@ class Characteristic:
     def unit_against(self) -> str:
         """Return the unit of the variable."""
         return VARIABLES[self.against].unit
-
-    @property
-    def event(self) -> str:
-        """Return a clause if most of a change over time happens at once: an event, no characteristic; else nothing."""
-        changes = np.abs(self.value[EVENT_POINTS:] - self.value[:-EVENT_POINTS])
-        largest = int(np.argmax(changes))
-        if self.against != 'time' or changes[largest] < LEAST_EVENT_SHARE * np.ptp(self.value):
-            return ''
-        time = 0.5 * (self.at[largest] + self.at[largest + EVENT_POINTS])
-        return f'most of the change happens at once, at about t = {time:.3g} s. It is an event, no dependence on time'
 
     @property
     def description(self) -> str:

@@ -89,9 +89,11 @@ class Conclusion:
     is_searched
         Whether effects were searched; false for recordings with a likely input error.
     contradictions
-        Clauses that withdraw the verdict, such as an error that grows from some time on.
+        Clauses that withdraw the verdict, such as a test part with a larger error.
     not_tried
         Parts of the search that its limit or the user prevented.
+    not_tested
+        Clauses about what the test part does not test, such as the response to set-points.
 
     """
 
@@ -113,6 +115,7 @@ class Conclusion:
     is_searched: bool = True
     contradictions: tuple[str, ...] = ()
     not_tried: tuple[str, ...] = ()
+    not_tested: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:

@@ -32,7 +32,7 @@ from cfd_pneumatic.identification.data import AUTO, LINEAR, PHYSICAL, Tolerance
 from cfd_pneumatic.identification.fit import AT_BOUND, Fit, summary
 from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.search import FittedCurve, Strategy, Trial, effects_not_visible, fit_curve
-from cfd_pneumatic.identification.test_part import contradiction
+from cfd_pneumatic.identification.test_part import contradiction, not_tested
 from cfd_pneumatic.identification.thresholds import (
     LARGEST_CURVE_ERROR,
     LARGEST_CURVE_ERROR_WITH_EFFECTS,
@@ -89,8 +89,6 @@ def close_loop(
     residuals = [experiment.measured - values for experiment, values in zip(experiments, after.simulated)]
     if searching:
         contradictions += contradiction(experiments, residuals, noise.std)
-    if unknown is not None and unknown.event:
-        contradictions.append(unknown.event)
     effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used_core = PHYSICAL if after.model.core else LINEAR
     tolerated = within_tolerance(tolerance, channel.quantity.small.unit, experiments, after.simulated)
@@ -128,6 +126,7 @@ def close_loop(
         is_searched=searching,
         contradictions=tuple(contradictions),
         not_tried=likelihood.effort.skipped,
+        not_tested=not_tested(experiments),
     )
     return after, conclusion
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -14,6 +14,16 @@ import numpy as np
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification.changes import (
+    Change,
+    Cut,
+    DeviceState,
+    Drift,
+    cut_of_curve,
+    find_cut,
+    find_drift,
+    without_drift,
+)
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
 from cfd_pneumatic.identification.data import (
@@ -57,6 +67,14 @@ Progress = Callable[[str, float], None]
 """Called with the current activity and the completed share of the work [0 to 1]."""
 
 _SMOOTHING_SHARE = 0.06  # of the work
+_STRAIGHT_DRIFT = 'set_point_drift'
+_DRIFT_CAUSES = 'inspect the temperature of sensor, regulator and supply. The drift is no change of the device'
+_DRIFT_REMOVED = f'{_DRIFT_CAUSES}. It was removed before the fit'
+_DRIFT_IN_MODEL = f'{_DRIFT_CAUSES}. It is part of the model'
+_AFTER_CHANGE = (
+    'inspect what happened then. The results are those after the change; the card of the change and report.json have '
+    'those before'
+)
 
 
 @dataclass(frozen=True)
@@ -116,7 +134,8 @@ def identify(
     Identify each recorded channel, jointly over all recordings.
 
     A failure of the force does not prevent the identification of the cylinders. Each piece of a recording between gaps
-    is a separate recording.
+    is a separate recording. If the device changed during a recording, the parts before and after the change are
+    identified separately.
 
     Parameters
     ----------
@@ -136,7 +155,23 @@ def identify(
     """
     if not recordings:
         raise InputError('there is no recording to identify: give one or more')
-    recordings = [piece for recording in recordings for piece in split_at_gaps(recording)]
+    pieces = [piece for recording in recordings for piece in split_at_gaps(recording)]
+    return _identify_pieces(pieces, options, progress, is_stopped)
+
+
+def _identify_pieces(
+    recordings: Sequence[Recording],
+    options: Options,
+    progress: Progress,
+    is_stopped: Callable[[], bool],
+    parts: int = 1,
+) -> Identification:
+    """
+    Identify recordings without gaps.
+
+    `parts` counts the parts before and after a change, which share the effort; a single part may change.
+    """
+    may_change = parts == 1
     progress('smoothing the displacement', 0.0)
     try:
         data = prepare_recordings(recordings, options.fractions)
@@ -161,6 +196,21 @@ def identify(
     reading = alternative_reading(recordings, options) if is_implausible else None
     notices_by_channel = {name: [reading] for name in waiting} if reading else _check_steps(needed, data, options)
     fit_notices = list(dict.fromkeys(chain(*notices_by_channel.values())))
+    drifts: list[tuple[int, Drift]] = []
+    is_tested = (options.close_loop or bool(errors)) and not (reading or fit_notices)
+    is_tested = is_tested and not any_warning(check_recordings(recordings, options))
+    if is_tested and may_change:
+        cuts = {(channel.name, index): cut for channel in needed for index, cut in _cuts(channel, data)}
+        changed = _identify_parts(recordings, cuts, options, progress, is_stopped)
+        if changed is not None:
+            return changed
+    if is_tested and not errors:
+        drifts = [drift for channel in needed for drift in _drifts(channel, data)]
+        if drifts:
+            data = replace(data, recordings=_without_drifts(data, drifts))
+            fits |= {channel.name: _fit_channel(channel, data) for channel in channels}
+            failed = {name: fit for name, fit in fits.items() if isinstance(fit, InputError)}
+            fitted = {channel: fit for channel in channels if isinstance(fit := fits[channel.name], Fit)}
     # A search for effects in these channels would take minutes and find nothing.
     not_searched = {*waiting} if any(map(hides_effects, recordings)) else {*notices_by_channel}
     if errors:
@@ -171,16 +221,23 @@ def identify(
 
     def result_of(channel: Channel) -> ChannelResult:
         fit = fitted[channel]
-        effort = _effort_of(fit, options, is_stopped, partial(shown.show, channel.name))
+        effort = _effort_of(fit, options, parts, is_stopped, partial(shown.show, channel.name))
         fit = replace(fit, likelihood=replace(fit.likelihood, effort=effort))
         result = _identify_channel(channel, fit, data, options, misread=channel.name in not_searched)
         shown.end(channel.name)
         return result
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
+    if is_tested and may_change:
+        changed = _identify_parts(recordings, dict(_cuts_of_curves(results)), options, progress, is_stopped)
+        if changed is not None:
+            return changed
     progress('done', 1.0)
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
+    straight_drifts = [*_straight_drifts(results)]
+    notices += tuple(note('slow_drift', drift.text, _DRIFT_REMOVED) for _, drift in drifts)
+    notices += tuple(note('slow_drift', drift.text, _DRIFT_IN_MODEL) for drift in straight_drifts)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
     notices += tuple(_notice_of(error, misread) for error in failed.values())
     results = {name: result.doubted() if any_warning(notices) else result for name, result in results.items()}
@@ -194,12 +251,131 @@ def identify(
         options,
         notices,
         is_interrupted=is_stopped(),
+        drifts=(*(drift for _, drift in drifts), *straight_drifts),
     )
 
 
-def _effort_of(fit: Fit, options: Options, is_stopped: Callable[[], bool], report: Callable[[Effort], None]) -> Effort:
-    """Return the effort that the search of a channel may take."""
-    limit = LARGEST_EFFORT + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
+def _identify_parts(
+    recordings: Sequence[Recording],
+    cuts: Mapping[tuple[str, int], Cut],
+    options: Options,
+    progress: Progress,
+    is_stopped: Callable[[], bool],
+) -> Identification | None:
+    """
+    Identify the recordings before and after a change of the device; return None if the device did not change.
+
+    `cuts` has the changes by name of the channel and index of the recording; the clearest change counts. The change
+    also has to leave two parts that can be identified without a warning. Otherwise a likely input error, and not a
+    change, may explain the error.
+    """
+    if not cuts:
+        return None
+    main = max(cuts, key=lambda key: cuts[key].drop)
+    index, cut = main[1], cuts[main]
+    recording = recordings[index]
+    parts = (
+        [*recordings[:index], recording.between(float(recording.displacement.times[0]), cut.low)],
+        [recording.between(cut.high, math.inf), *recordings[index + 1 :]],
+    )
+    quick = replace(options, close_loop=False)
+    try:
+        if any(
+            any_warning(_identify_pieces(part, quick, lambda _what, _share: None, is_stopped, len(parts)).notices)
+            for part in parts
+        ):
+            return None
+        before, after = (
+            _identify_pieces(part, options, _half_of(progress, half), is_stopped, len(parts))
+            for half, part in enumerate(parts)
+        )
+    except InputError:
+        return None
+    changes = tuple(
+        Change(
+            name,
+            recording.name,
+            cut.time,
+            (cut.low, cut.high),
+            _state(before.channels[name], before.channels[name].comparisons[-1]),
+            _state(after.channels[name], after.channels[name].comparisons[0]),
+        )
+        for (name, place), found in cuts.items()
+        if place == index and found.low <= cut.high and cut.low <= found.high
+    )
+    notices = tuple(note('changed_during_recording', change.text, _AFTER_CHANGE) for change in changes)
+    return replace(after, notices=(*notices, *after.notices), changes=changes)
+
+
+def _cuts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Cut]]:
+    """Yield the indices of recordings in which a channel's device changed, and when."""
+    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
+        cut = find_cut(channel, experiment)
+        if cut is not None:
+            yield index, cut
+
+
+def _drifts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Drift]]:
+    """Yield the indices of recordings in which a channel drifts, and the drifts."""
+    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
+        drift = find_drift(channel, experiment)
+        if drift is not None:
+            yield index, drift
+
+
+def _straight_drifts(results: Mapping[str, ChannelResult]) -> Iterator[Drift]:
+    """Yield the drifts that the search found as an effect, for each recording."""
+    for result in results.values():
+        if _STRAIGHT_DRIFT in result.found.model.effects:
+            rate = result.found.model.effects[_STRAIGHT_DRIFT][0]
+            for comparison in result.comparisons:
+                times = comparison.times
+                yield Drift(result.name, comparison.name, times, rate * (times - float(np.mean(times))))
+
+
+def _without_drifts(data: Prepared, drifts: Sequence[tuple[int, Drift]]) -> tuple[Recording, ...]:
+    """Return the recordings without drifts, which have the indices of their recordings."""
+    recordings = list(data.recordings)
+    for index, drift in drifts:
+        recordings[index] = without_drift(recordings[index], drift)
+    return tuple(recordings)
+
+
+def _cuts_of_curves(results: Mapping[str, ChannelResult]) -> Iterator[tuple[tuple[str, int], Cut]]:
+    """Yield changes that curves of the time show, by name of the channel and index of the recording."""
+    for name, result in results.items():
+        curve = None if result.conclusion is None else result.conclusion.unknown
+        if curve is not None and curve.against == 'time' and len(result.comparisons) == 1:
+            (comparison,) = result.comparisons
+            cut = cut_of_curve(comparison.experiment.begin + curve.at, curve.value)
+            if cut is not None:
+                yield (name, comparison.recording), cut
+
+
+def _half_of(progress: Progress, half: int) -> Progress:
+    """Return a function that reports the progress of the first (0) or second (1) half of the work."""
+    return lambda what, share: progress(what, 0.5 * (half + share))
+
+
+def _state(result: ChannelResult, comparison: Comparison) -> DeviceState:
+    """Return the state of a channel next to a change; the comparison is that of the recording that shows the change."""
+    index, conclusion = comparison.experiment.index, result.conclusion
+    return DeviceState(
+        gains=result.fit.estimates,
+        offset=float(result.fit.model.recording_values[index, 0]),
+        offset_std=float(result.fit.stds[index, 0]),
+        effects=() if conclusion is None else conclusion.effects,
+        verdict='' if conclusion is None else conclusion.verdict,
+        why='' if conclusion is None else conclusion.why,
+        error=result.rms(1),
+    )
+
+
+def _effort_of(
+    fit: Fit, options: Options, parts: int, is_stopped: Callable[[], bool], report: Callable[[Effort], None]
+) -> Effort:
+    """Return the effort that the search of a channel in one of some parts may take."""
+    limit = LARGEST_EFFORT / parts + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
     return Effort(math.inf if options.thorough else limit, is_stopped, report)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.identification.changes import Change, Drift
 from cfd_pneumatic.identification.channels import Channel, Estimate, Quantity
 from cfd_pneumatic.identification.conclusion import Conclusion, PartError
 from cfd_pneumatic.identification.data import PARTS, Experiment, Options, Split
@@ -242,6 +243,12 @@ class Identification:
         Warnings about likely input errors, and notes about assumptions.
     is_interrupted
         Whether the user ended the search; the result is the best answer until then.
+    changes
+        Changes of the device during a recording. The results for all channels are those of the recordings after the
+        change, and each change has the results before it.
+    drifts
+        Slow drifts of a sensor or a set-point: bent drifts, which were removed before the fit, and straight drifts,
+        which the effect `set_point_drift` describes.
 
     """
 
@@ -254,6 +261,8 @@ class Identification:
     options: Options
     notices: tuple[Notice, ...] = ()
     is_interrupted: bool = False
+    changes: tuple[Change, ...] = ()
+    drifts: tuple[Drift, ...] = ()
 
     @property
     def ambient_pressure(self) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Test whether the test part contradicts the model of the train and validation parts; the last step of a verdict."""
+"""Test whether the test part contradicts the model of the other parts, and state what the test part does not test."""
 
 from __future__ import annotations
 
@@ -11,18 +11,45 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.identification.data import PARTS, Experiment, stroke_times
 from cfd_pneumatic.identification.residual import SIGNIFICANCE
-from cfd_pneumatic.identification.thresholds import LARGEST_TEST_RATIO, LEAST_TEST_RISE
+from cfd_pneumatic.identification.thresholds import FEWEST_TEST_STROKES, LARGEST_TEST_RATIO, LEAST_TEST_RISE
 
 _TINY = float(np.finfo(np.float64).tiny)
 
 
-class _Strokes(NamedTuple):
-    """Begin [s], part, number of samples and sum of squared residuals of each stroke."""
+def not_tested(experiments: Sequence[Experiment]) -> tuple[str, ...]:
+    """Return clauses about what the test part does not test; empty without a test part."""
+    tests = [experiment.part == PARTS.index('test') for experiment in experiments]
+    if not any(map(np.any, tests)):
+        return ()
+    clauses = []
+    if all('setpoint' in experiment.inputs for experiment in experiments):
+        steps = [np.diff(experiment.at_samples('setpoint'), prepend=np.nan) != 0.0 for experiment in experiments]
+        in_test = sum(int(np.count_nonzero(step[1:] & test[1:])) for step, test in zip(steps, tests))
+        if not in_test and any(np.any(step[1:]) for step in steps):
+            clauses.append('the test part has no set-point step: the response to set-points was not tested')
+    strokes = sum(_strokes_of_test(experiment, test) for experiment, test in zip(experiments, tests))
+    if strokes < FEWEST_TEST_STROKES:
+        count = 'a single stroke' if strokes == 1 else 'no stroke'
+        clauses.append(f'the test part has {count}: whether strokes repeat was not tested')
+    return tuple(clauses)
 
-    begins: Array
+
+def _strokes_of_test(experiment: Experiment, is_test: Mask) -> int:
+    """Return the number of strokes that begin in the test part."""
+    if not np.any(is_test):
+        return 0
+    begins = stroke_times(experiment.times, experiment.inputs['displacement'], experiment.motion.noise)[:-1]
+    times = experiment.sample_times[is_test]
+    tolerance = experiment.period  # a part begins at a turning point of the displacement
+    return int(np.count_nonzero((begins >= times[0] - tolerance) & (begins <= times[-1])))
+
+
+class _Strokes(NamedTuple):
+    """Part, number of samples and sum of squared residuals of each stroke."""
+
     parts: NDArray[np.int8]
     counts: NDArray[np.intp]
     squares: Array
@@ -33,7 +60,8 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
     Return a clause about how the test part contradicts a model; empty without a contradiction or a test part.
 
     The test part contradicts the model if its RMSE is above the noise and clearly above the RMSE of the train part: by
-    half, or by more than the scatter from stroke to stroke allows, whichever is less.
+    half, or by more than the scatter from stroke to stroke allows, whichever is less. The package
+    `changes` tests whether the device changed.
 
     Parameters
     ----------
@@ -55,14 +83,8 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
         return []
     worst = int(np.argmax([_rmse(_strokes_in(strokes, 'test')) for strokes in recordings]))
     where = f'in {experiments[worst].recording} ' if len(experiments) > 1 else ''
-    if not _strokes_in(recordings[worst], 'validation').counts.size:  # the whole recording is a test part
-        factor = _rmse(test) / max(_rmse(train), _TINY)
-        return [f'{where}the error is {factor:.2g} times that of the train part: the device or its task may differ']
-    begin, factor = _likeliest_rise(recordings[worst])
-    return [
-        f'{where}from t = {begin:.4g} s on, the error is {factor:.2g} times as large as before: '
-        'the device or its task may have changed'
-    ]
+    factor = error / max(_rmse(train), _TINY)
+    return [f'{where}the error of the test part is {factor:.2g} times that of the train part']
 
 
 def _strokes(experiment: Experiment, residual: Array) -> _Strokes:
@@ -71,7 +93,7 @@ def _strokes(experiment: Experiment, residual: Array) -> _Strokes:
     begins = stroke_times(experiment.times, experiment.inputs['displacement'], 0.0)[1:-1]
     first = np.unique(np.concatenate([[0], np.searchsorted(times, begins), np.flatnonzero(np.diff(part)) + 1]))
     first = first[first < times.size].astype(np.intp)
-    return _Strokes(times[first], part[first], np.diff(first, append=times.size), np.add.reduceat(residual**2, first))
+    return _Strokes(part[first], np.diff(first, append=times.size), np.add.reduceat(residual**2, first))
 
 
 def _strokes_in(strokes: _Strokes, part: str) -> _Strokes:
@@ -96,13 +118,3 @@ def _is_test_worse(train: _Strokes, test: _Strokes) -> bool:
         scatter * (float(shares @ shares) + float(test_shares @ test_shares))
     )
     return excess > max(allowed, 2.0 * math.log(LEAST_TEST_RISE))
-
-
-def _likeliest_rise(strokes: _Strokes) -> tuple[float, float]:
-    """Return the time from which the error is larger [s], and the factor: the likeliest cut for normal residuals."""
-    counts, squares = (np.cumsum(column) for column in (strokes.counts, strokes.squares))
-    before = np.maximum(squares[:-1] / counts[:-1], _TINY)
-    after = np.maximum((squares[-1] - squares[:-1]) / (counts[-1] - counts[:-1]), _TINY)
-    misfit = counts[:-1] * np.log(before) + (counts[-1] - counts[:-1]) * np.log(after)
-    cut = int(np.argmin(np.where(after > before, misfit, np.inf)))
-    return float(strokes.begins[cut + 1]), math.sqrt(after[cut] / before[cut])

@@ -83,6 +83,9 @@ recordings hardly scatter.
 Origin: not known (1.05 before commit 851b74e).
 """
 
+FEWEST_TEST_STROKES = 2
+"""Strokes of a test part that tests whether strokes repeat [strokes]. Origin: two strokes are the fewest to repeat."""
+
 # Dependence of the residual: residual_dependence.py
 
 DEPENDENCE_BINS = 24
@@ -152,18 +155,6 @@ MODEL_ERROR = 0.004
 """
 Part of a curve's band for errors of the model [range of the curve].
 Origin: at 0.0025 bands of two unseen seeds covered 89.9 % of 1,491 points instead of 95 % (commit 433f209).
-"""
-
-EVENT_POINTS = 2
-"""
-Points within which a curve of the time changes at an event [points of the curve].
-Origin: a twentieth of the time (commit 5c4d339).
-"""
-
-LEAST_EVENT_SHARE = 0.6
-"""
-Least change of a curve of the time at an event [range of the curve].
-Origin: a set-point that jumps makes most of the change, a pressure that creeps at most two fifths (commit 5c4d339).
 """
 
 LARGEST_FORMULA_SQUARES = 1.05

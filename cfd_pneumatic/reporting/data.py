@@ -11,8 +11,10 @@ from typing import Any
 
 from cfd_pneumatic.identification import (
     PARTS,
+    Change,
     ChannelResult,
     Characteristic,
+    DeviceState,
     Estimate,
     Identification,
     PartError,
@@ -68,8 +70,46 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
         if block is not None:
             block['live'] = _error_data({identification.channels[name].judged_on: error}, identification.channels[name])
     data['next_plan'] = next_plan(identification)
+    data['changes'] = [_change_data(change) for change in identification.changes]
+    data['drifts'] = [
+        {
+            'channel': drift.channel,
+            'recording': drift.recording,
+            'total_pa': drift.total,
+            'rate_pa_per_s': drift.rate,
+            'text': drift.text,
+        }
+        for drift in identification.drifts
+    ]
     data['warnings'] = [asdict(notice) for notice in identification.notices]
     return data
+
+
+def _change_data(change: Change) -> dict[str, Any]:
+    """Return a change of the device: when, what differs, and the channel before and after the change."""
+    return {
+        'channel': change.channel,
+        'recording': change.recording,
+        'time_s': change.time,
+        'ci95_s': list(change.interval),
+        'text': change.text,
+        'differences': [difference._asdict() for difference in change.differences],
+        'before': _state_data(change.before),
+        'after': _state_data(change.after),
+    }
+
+
+def _state_data(state: DeviceState) -> dict[str, Any]:
+    """Return a channel before or after a change."""
+    return {
+        'parameters': _gain_data(state.gains),
+        'offset_pa': state.offset,
+        'offset_std_pa': state.offset_std,
+        'effects': list(state.effects),
+        'verdict': state.verdict or None,
+        'why': state.why or None,
+        'rmse_pa': state.error,
+    }
 
 
 def _finite(value: float | None) -> float | None:
@@ -166,6 +206,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'residual_tests': {'before': _test_data(findings.tests_before), 'after': _test_data(findings.tests_after)},
         'not_visible': list(findings.not_visible),
         'not_tried': list(findings.not_tried),
+        'not_tested': list(findings.not_tested),
         'next_experiment': findings.next_experiment,
     }
 

@@ -89,6 +89,7 @@ def report_page(
         dates=[_date(recording) for recording in identification.recordings],
         warnings=[notice for notice in identification.notices if notice.level == WARNING],
         notes=[notice for notice in identification.notices if notice.level == NOTE],
+        changes=identification.changes,
         splits=identification.splits,
         no_test=identification.no_test,
         sections=sections,

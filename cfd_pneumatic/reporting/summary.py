@@ -62,7 +62,9 @@ def summarise(result: ChannelResult, identification: Identification) -> Summary:
     if result.findings.has_warning:
         return _doubtful_summary(result, identification)
     steps = ' '.join(_next_steps(result))
-    return Summary(_diagnosis(result), _certainty(result), _force_error(result, identification), sentence(steps))
+    not_tested = () if result.findings.verdict == 'insufficient_data' else result.findings.not_tested
+    certainty = ' '.join([_certainty(result), *map(sentence, not_tested)])
+    return Summary(_diagnosis(result), certainty, _force_error(result, identification), sentence(steps))
 
 
 def _doubtful_summary(result: ChannelResult, identification: Identification) -> Summary:

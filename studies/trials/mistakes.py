@@ -298,6 +298,7 @@ SAMPLES = ('samples_suspect',)
 LEFT_OUT = 'left out'
 """Pseudo-code of a note in the report: the wrong samples were left out."""
 
+CHANGED = 'changed_during_recording'
 SIGN, SWAPPED, ERROR = ('sign_suspect', 'cylinders_swapped'), ('cylinders_swapped', 'setpoint_suspect'), ('error',)
 
 
@@ -323,7 +324,7 @@ def _of_both_tables() -> Iterator[Mistake]:
         yield Mistake(name, 'no set-points', without(*SETPOINTS), ('setpoint_assumed',))
         yield Mistake(name, 'upside down', rows(lambda _: slice(None, None, -1)), ERROR)
         yield Mistake(name, 'the same twice', entries(), ('duplicate_recording',), twice=True)
-        yield Mistake(name, 'another device from two thirds on', changed_device, ('changed_during_recording',))
+        yield Mistake(name, 'another device from two thirds on', changed_device, (CHANGED,))
         yield Mistake(name, 'a loose plug', loose_plug, (*SAMPLES, LEFT_OUT))
         yield Mistake(name, 'a sensor at its limit', out_of_range, SAMPLES)
         yield Mistake(name, 'a logger that hangs', stuck, SAMPLES)
@@ -437,7 +438,7 @@ def answer(mistake: Mistake) -> Answer:
     confident = [
         name for name, channel in channels.items() if channel['verdict'] in SURE and channel['status'] == 'confirmed'
     ]
-    warnings = [warning for warning in report['warnings'] if warning['level'] == WARNING]
+    warnings = [warning for warning in report['warnings'] if warning['level'] == WARNING or warning['code'] == CHANGED]
     first = next(
         (warning for warning in warnings if warning['code'] in mistake.codes), warnings[0] if warnings else None
     )
@@ -455,7 +456,9 @@ def is_reported(mistake: Mistake, answer: Answer) -> bool:
         return any(ERROR_TEXTS[code] in answer.text for code in mistake.codes)
     if LEFT_OUT in answer.codes:
         return True
-    return not answer.confident and bool({*answer.codes} & {*mistake.codes})
+    # The parts before and after a change are identified separately, and each may have a confident verdict.
+    is_unsure = not answer.confident or CHANGED in mistake.codes
+    return is_unsure and bool({*answer.codes} & {*mistake.codes})
 
 
 def warnings_of_clean(seed: int) -> list[str]:

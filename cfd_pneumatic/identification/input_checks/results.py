@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Report likely input errors that a result shows: implausible parameters, a changed or a different device.
+Report likely input errors that a result shows: implausible parameters, or a different device.
 
 Expensive checks run only if a cheap check finds an implausible value.
 """
@@ -13,7 +13,7 @@ from itertools import chain
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array, rms
+from cfd_pneumatic.arrays import rms
 from cfd_pneumatic.identification.channels import Force
 from cfd_pneumatic.identification.data import Options
 from cfd_pneumatic.identification.input_checks.alternative_readings import (
@@ -31,11 +31,8 @@ from cfd_pneumatic.identification.input_checks.thresholds import (
     ATMOSPHERE_TOLERANCE,
     BORES,
     CHAMBER_LENGTHS,
-    ERROR_PIECES,
     FEWEST_COMPARED_RECORDINGS,
-    FEWEST_PIECE_SAMPLES,
     LARGEST_AREA_RATIO,
-    LEAST_CHANGED_ERROR,
     LEAST_DIVISOR,
     LEAST_ERROR_RATIO,
     LEAST_FORCE_ERROR_CHANGE,
@@ -85,7 +82,6 @@ def check_results(
             notice for result in results.values() if result.conclusion for notice in _check_outlier_recording(result)
         ]
     if not any_warning(found):
-        found += [notice for result in results.values() for notice in _check_change_over_time(result)]
         found += [notice for result in pressures for notice in _check_lag(result, forces, recordings, options)]
     if not any_warning(found):
         found += _note_chamber_lengths(cylinders, recordings, options)
@@ -262,29 +258,6 @@ def _lag_advice(ratio: float = 1.0) -> str:
     return f'inspect {sensor}; if both are in order, the lag comes from {dynamics}'
 
 
-def _check_change_over_time(result: ChannelResult) -> Iterator[Notice]:
-    """Warn if the error, as a share of the measured spread, is several times as large before or after some time."""
-    for comparison in result.comparisons:
-        settled = np.flatnonzero(comparison.experiment.settled)
-        if settled.size < ERROR_PIECES * FEWEST_PIECE_SAMPLES:
-            continue
-        pieces = np.array_split(settled, ERROR_PIECES)
-        errors = np.array([rms(comparison.residual(1)[piece]) for piece in pieces])
-        spreads = [float(np.std(comparison.experiment.measured[piece])) for piece in pieces]
-        shares = errors / np.maximum(spreads, LEAST_DIVISOR)
-        ratio, cut = max((_change_ratio(shares, cut), cut) for cut in range(1, ERROR_PIECES))
-        before, after = (float(np.median(side)) for side in (errors[:cut], errors[cut:]))
-        if ratio > LEAST_ERROR_RATIO and max(before, after) > LEAST_CHANGED_ERROR * result.noise.std:
-            small, time = result.quantity.small, float(comparison.times[pieces[cut][0]])
-            yield warning(
-                'changed_during_recording',
-                f'{comparison.name}, {result.name}: the error changes from {before / small.si:.3g} to '
-                f'{after / small.si:.3g} {small.unit} at t = {time:.1f} s',
-                'the device or its task changed: identify the two parts separately '
-                f'(`--until {time:.1f}`, `--from {time:.1f}`)',
-            )
-
-
 def _check_outlier_recording(result: ChannelResult) -> Iterator[Notice]:
     """Warn if one of several recordings may be of another device: its error is several times the usual error."""
     noises = [
@@ -304,12 +277,6 @@ def _check_outlier_recording(result: ChannelResult) -> Iterator[Notice]:
                 f'{usual:.3g} times in the other recordings',
                 'the device, the supply or the task differs: identify this recording separately',
             )
-
-
-def _change_ratio(shares: Array, cut: int) -> float:
-    """Return the median on a side of a cut over the largest value on the opposite side, for the larger ratio."""
-    sides = shares[:cut], shares[cut:]
-    return max(float(np.median(side)) / float(np.max(opposite)) for side, opposite in (sides, sides[::-1]))
 
 
 def _check_force(result: ChannelResult, recordings: Sequence[Recording], options: Options) -> Iterator[Notice]:

@@ -51,22 +51,9 @@ Origin: not known.
 
 # Changed and different devices: results.py
 
-ERROR_PIECES = 10
-"""Pieces of a recording whose errors are compared [1]. Origin: not known."""
-
-FEWEST_PIECE_SAMPLES = 50
-"""Fewest samples of such a piece [samples]. Origin: not known."""
-
 LEAST_ERROR_RATIO = 3.0
 """
 Least ratio of two errors that a changed or a different device explains [-].
-Origin: not known.
-"""
-
-LEAST_CHANGED_ERROR = 2.0
-"""
-Least error before or after a change that is reported [standard deviations of the noise]. A smaller error does not
-matter.
 Origin: not known.
 """
 

@@ -21,8 +21,8 @@ def starts(data: Data) -> list[tuple[float, ...]]:
 
 EFFECT = Effect(
     name='set_point_drift',
-    description='the set-point moves linearly with time',
-    inspect='the temperature of the regulator and the signal that commands it',
+    description='the set-point, or the reading of the pressure sensor, moves linearly with time',
+    inspect='the temperature of the regulator and of the pressure sensor, and the signal that commands the regulator',
     parameters=(EffectParameter('rate', 'Pa/s', -1e5, 1e5, 0.0, 'rate of the drift'),),
     equations=(r"p_d' = p_d + rate\,t",),
     starts=starts,
