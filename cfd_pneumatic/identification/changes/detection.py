@@ -26,6 +26,7 @@ from cfd_pneumatic.identification.changes.thresholds import (
     DEGREES_OF_INNOVATIONS,
     EVENT_POINTS,
     FIRST_CUTS,
+    INTERVAL_MARGIN,
     LARGEST_COST_RISE,
     LEAST_DROP,
     LEAST_EVENT_SHARE,
@@ -143,7 +144,7 @@ def _refine(fits: PartFits, time: float, parts: Grouping) -> tuple[float, float,
     inner = slice(*_inner(times.size))
     best = int(np.argmin(costs[inner])) + inner.start
     inside = np.flatnonzero(costs[inner] - costs[best] <= LARGEST_COST_RISE) + inner.start
-    return float(times[best]), float(times[inside[0]]), float(times[inside[-1]])
+    return float(times[best]), float(times[inside[0]]) - INTERVAL_MARGIN, float(times[inside[-1]]) + INTERVAL_MARGIN
 
 
 def _inner(size: int) -> tuple[int, int]:

@@ -117,6 +117,12 @@ Rise of the negative log likelihood at the ends of a 95 % interval [1].
 Origin: half of chi squared with one degree of freedom.
 """
 
+INTERVAL_MARGIN = 0.05
+"""
+Widening of the interval at either end for errors of the models [s].
+Origin: the time of a kinked hose on ten rigs erred by up to 0.03 s, and five intervals without margin missed it.
+"""
+
 DEGREES_OF_INNOVATIONS = 4.0
 """Degrees of freedom of Student's distribution of the innovations [1]. Origin: not known."""
 
