@@ -293,17 +293,23 @@ class CurveSearch:
         """
         Return curves that a prediction from a model far from the noise may have missed.
 
-        Short fits with the linear core rank all places. The physical core takes over the ranking.
+        Short fits with the linear core rank all places. The physical core takes over the ranking. The curve of the
+        valve is always among them.
         """
         known = {curve.place.name for curve in self._places_to_fit(base)}
         further = [curve for curve in self._screen(base) if curve.place.name not in known]
+        of_valve = [curve for curve in further if curve.place.name == VALVE_CURVE][:1]
         if not base.model.parts:
-            return self._best_of_short_fits(base, further)
-        ranked = [sketch.screened.place.name for sketch in self._sketches.get(self.candidates.baseline, [])]
-        names = list(dict.fromkeys(ranked))[:MOST_FURTHER_PLACES]
-        best = {curve.place.name: curve for curve in reversed(further)}
-        chosen = [best[name] for name in names if name in best]
-        return chosen or (self._predicted(further, base, LEAST_FALLBACK_EVIDENCE_SHARE) if known else [])
+            chosen = self._best_of_short_fits(base, further)
+        else:
+            ranked = [sketch.screened.place.name for sketch in self._sketches.get(self.candidates.baseline, [])]
+            names = list(dict.fromkeys(ranked))[:MOST_FURTHER_PLACES]
+            best = {curve.place.name: curve for curve in reversed(further)}
+            chosen = [best[name] for name in names if name in best]
+            if known and not chosen:
+                chosen = self._predicted(further, base, LEAST_FALLBACK_EVIDENCE_SHARE)
+        is_included = any(curve.place.name == VALVE_CURVE for curve in chosen)
+        return chosen + ([] if is_included or not chosen else of_valve)
 
     def _predicted(self, screened: Sequence[ScreenedCurve], base: Candidate, share: float) -> list[ScreenedCurve]:
         """Return the curves with at least a share of the best curve's evidence that may reach the noise."""

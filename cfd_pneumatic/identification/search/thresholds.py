@@ -240,7 +240,7 @@ End of a fit that compares curves: least relative fall of the sum of squares [-]
 Origin: at 1e-5 the last 15 of 20 evaluations changed a thousandth (commit 32f0c9f).
 """
 
-PHYSICAL_STRETCH_STEPS = 4000
+PHYSICAL_STRETCH_STEPS = 6000
 """
 Stretches, together, on which curves with the physical core are compared [grid steps]. A step costs about 2.5 times that
 with the linear core.
