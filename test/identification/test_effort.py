@@ -56,6 +56,17 @@ def test_a_share_limits_what_may_begin_within_it_only():
     assert effort.skipped == ('large', 'inner')
 
 
+def test_as_many_items_begin_as_the_effort_suffices_for():
+    effort = Effort(limit=100.0)
+    effort.add(30.0)
+    assert effort.affordable('all', 'abc', 20.0) == 'abc'
+    assert effort.skipped == ()
+    assert effort.affordable('some', 'abcd', 20.0) == 'abc'
+    assert effort.affordable('none', 'abcd', 80.0) == ''
+    assert effort.skipped == ('some', 'none')
+    assert Effort().affordable('all', 'abcd', 1e12) == 'abcd'
+
+
 def test_without_a_limit_everything_may_begin():
     effort = Effort()
     effort.add(1e12)

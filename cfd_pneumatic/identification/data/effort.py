@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from threading import Lock
+from typing import TypeVar
+
+Item = TypeVar('Item')
 
 
 class Effort:
@@ -63,6 +66,14 @@ class Effort:
         if not is_allowed:
             self._skipped[what] = None
         return is_allowed
+
+    def affordable(self, what: str, items: Sequence[Item], steps: float) -> Sequence[Item]:
+        """Return the first of some items, which take some steps each, for which the effort suffices."""
+        room = 0.0 if self.is_stopped() else max(self._allowed - self.spent, 0.0)
+        count = len(items) if math.isinf(room) else min(len(items), int(room / max(steps, 1.0)))
+        if count < len(items):
+            self._skipped[what] = None
+        return items[:count]
 
     @property
     def skipped(self) -> tuple[str, ...]:

@@ -365,10 +365,9 @@ class CurveSearch:
                 fit_curve(self.candidates.train, model, screened, ROUGH_CURVE_SEARCH).model, base.model
             )
 
-        evaluations = len(starts) * EXPECTED_CURVE_EVALUATIONS
-        steps = evaluations * self.candidates.train.effort_of(starts[0][1]) if starts else 0.0
-        if starts and not self._effort.allows(_question(base), steps):
-            starts = []
+        if starts:
+            steps = EXPECTED_CURVE_EVALUATIONS * self.candidates.train.effort_of(starts[0][1])
+            starts = self._effort.affordable(_question(base), starts, steps)
         fits = map_in_threads(lambda start: fit(*start), starts)
         curves = [FittedCurve(screened, candidate, base, ()) for (screened, _), candidate in zip(starts, fits)]
         return [curve for curve in curves if curve.screened.place.curve.name in curve.candidate.effects]
@@ -433,9 +432,8 @@ class CurveSearch:
             return []
         self._effort.ask(_question(base), self.candidates.residual_ratio(base))
         stretches = self._stretches_of(base)
-        steps = 2 * len(starts) * EXPECTED_CURVE_EVALUATIONS * stretches.effort_of(starts[0][1])
-        if not self._effort.allows(_question(base), steps):
-            return []
+        steps = 2 * EXPECTED_CURVE_EVALUATIONS * stretches.effort_of(starts[0][1])
+        starts = self._effort.affordable(_question(base), starts, steps)
         share = independent_share(self.candidates.noise_autoregression(base))
 
         def sketch(screened: ScreenedCurve, model: Model) -> _Sketch:
