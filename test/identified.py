@@ -16,7 +16,7 @@ from cfd_pneumatic.identification.channels.force import Force
 from cfd_pneumatic.identification.conclusion import Conclusion
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.fit.fit import fit_model
-from cfd_pneumatic.identification.procedure import prepare_recordings
+from cfd_pneumatic.identification.preparation import prepare_recordings
 from cfd_pneumatic.identification.residual.noise import Noise
 from cfd_pneumatic.identification.residual.tests import Test as ResidualTest
 from cfd_pneumatic.identification.result import Comparison

@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     )
     from cfd_pneumatic.identification.input_checks import check_recording, check_recordings, describe
     from cfd_pneumatic.identification.loop import close_loop
-    from cfd_pneumatic.identification.procedure import identify, prepare_recordings
+    from cfd_pneumatic.identification.preparation import prepare_recordings
+    from cfd_pneumatic.identification.procedure import identify
     from cfd_pneumatic.identification.report_texts import (
         number,
         percent,

@@ -4,38 +4,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import chain
-from threading import Lock
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.errors import InputError
-from cfd_pneumatic.identification.changes import (
-    Change,
-    Cut,
-    DeviceState,
-    Drift,
-    cut_of_curve,
-    find_cut,
-    find_drift,
-    without_drift,
-)
+from cfd_pneumatic.identification.changes import Change, Cut, Drift
 from cfd_pneumatic.identification.channels import Channel, channels_of
 from cfd_pneumatic.identification.conclusion import part_errors
-from cfd_pneumatic.identification.data import (
-    FRACTIONS,
-    PHYSICAL,
-    Effort,
-    Experiment,
-    Motion,
-    Options,
-    Split,
-    observed_motion,
-    split_recordings,
+from cfd_pneumatic.identification.data import PHYSICAL, Options
+from cfd_pneumatic.identification.device_changes import (
+    cuts_of,
+    cuts_of_curves,
+    drifts_of,
+    state_of,
+    straight_drifts_of,
+    without_drifts,
 )
 from cfd_pneumatic.identification.fit import Fit, fit_model
 from cfd_pneumatic.identification.input_checks import (
@@ -50,24 +37,16 @@ from cfd_pneumatic.identification.input_checks import (
     steps_of_pressure,
 )
 from cfd_pneumatic.identification.loop import close_loop
-from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification, OperatingPoint
+from cfd_pneumatic.identification.operating_points import schedule_of
+from cfd_pneumatic.identification.preparation import Prepared, prepare_recordings
+from cfd_pneumatic.identification.progress import SMOOTHING_SHARE, Progress, SearchProgress, effort_of
+from cfd_pneumatic.identification.result import ChannelResult, Comparison, Identification
 from cfd_pneumatic.identification.search import with_core
-from cfd_pneumatic.identification.thresholds import (
-    LARGEST_EFFORT,
-    LARGEST_EFFORT_PER_STEP,
-    LARGEST_SETPOINT_GAP,
-    LEAST_PROGRESS,
-    MOST_SAMPLES_TOGETHER,
-)
+from cfd_pneumatic.identification.thresholds import MOST_SAMPLES_TOGETHER
 from cfd_pneumatic.notices import WARNING, Notice, SuspectError, any_warning, note
 from cfd_pneumatic.recording import Recording, split_at_gaps
 from cfd_pneumatic.runtime import map_in_threads
 
-Progress = Callable[[str, float], None]
-"""Called with the current activity and the completed share of the work [0 to 1]."""
-
-_SMOOTHING_SHARE = 0.06  # of the work
-_STRAIGHT_DRIFT = 'set_point_drift'
 _DRIFT_CAUSES = 'inspect the temperature of sensor, regulator and supply. The drift is no change of the device'
 _DRIFT_REMOVED = f'{_DRIFT_CAUSES}. It was removed before the fit'
 _DRIFT_IN_MODEL = f'{_DRIFT_CAUSES}. It is part of the model'
@@ -75,53 +54,6 @@ _AFTER_CHANGE = (
     'inspect what happened then. The results are those after the change; the card of the change and report.json have '
     'those before'
 )
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """
-    Recordings with their smoothed displacement.
-
-    Attributes
-    ----------
-    recordings, motions
-        Recordings, and the smoothed motion of the piston in each.
-    splits, no_test
-        Parts of each recording, and the reason for a missing test part, or None.
-
-    """
-
-    recordings: tuple[Recording, ...]
-    motions: tuple[Motion, ...]
-    splits: tuple[Split, ...]
-    no_test: str | None
-
-    def holding(self, channel: Channel) -> tuple[int, ...]:
-        """Return the indices of the recordings that contain a channel."""
-        recordings = enumerate(self.recordings)
-        return tuple(index for index, recording in recordings if channel.signal(recording) is not None)
-
-    def experiments(self, channel: Channel) -> tuple[Experiment, ...]:
-        """Return a channel's experiments, one for each recording that contains the channel."""
-        return tuple(
-            replace(channel.experiment(self.recordings[index], self.motions[index], self.splits[index]), index=rank)
-            for rank, index in enumerate(self.holding(channel))
-        )
-
-
-def prepare_recordings(recordings: Sequence[Recording], fractions: tuple[float, float, float] = FRACTIONS) -> Prepared:
-    """
-    Smooth the displacement of recordings, and split each recording into parts.
-
-    Raises
-    ------
-    InputError
-        If a recording has no motion or too few samples.
-
-    """
-    motions, strokes = zip(*(observed_motion(recording) for recording in recordings))
-    splits, no_test = split_recordings(list(strokes), fractions)
-    return Prepared(tuple(recordings), tuple(motions), tuple(splits), no_test)
 
 
 def identify(
@@ -179,7 +111,7 @@ def _identify_pieces(
         raise _with_input_warnings(error, recordings, options) from error
     channels = channels_of(recordings, options)
     waiting = [channel.name for channel in channels]
-    progress(f'fitting {", ".join(waiting)}', _SMOOTHING_SHARE)
+    progress(f'fitting {", ".join(waiting)}', SMOOTHING_SHARE)
 
     samples = sum(len(recording.displacement.times) for recording in recordings)
     map_channels = map_in_threads if samples <= MOST_SAMPLES_TOGETHER else map  # threads need more memory
@@ -200,14 +132,14 @@ def _identify_pieces(
     is_tested = (options.close_loop or bool(errors)) and not (reading or fit_notices)
     is_tested = is_tested and not any_warning(check_recordings(recordings, options))
     if is_tested and may_change:
-        cuts = {(channel.name, index): cut for channel in needed for index, cut in _cuts(channel, data)}
+        cuts = {(channel.name, index): cut for channel in needed for index, cut in cuts_of(channel, data)}
         changed = _identify_parts(recordings, cuts, options, progress, is_stopped)
         if changed is not None:
             return changed
     if is_tested and not errors:
-        drifts = [drift for channel in needed for drift in _drifts(channel, data)]
+        drifts = [drift for channel in needed for drift in drifts_of(channel, data)]
         if drifts:
-            data = replace(data, recordings=_without_drifts(data, drifts))
+            data = replace(data, recordings=without_drifts(data, drifts))
             fits |= {channel.name: _fit_channel(channel, data) for channel in channels}
             failed = {name: fit for name, fit in fits.items() if isinstance(fit, InputError)}
             fitted = {channel: fit for channel in channels if isinstance(fit := fits[channel.name], Fit)}
@@ -217,11 +149,11 @@ def _identify_pieces(
         reason = _combine(fit_notices) if fit_notices else errors[0]
         raise _with_input_warnings(reason, recordings, options)
 
-    shown = _Progress(progress, len(channels))
+    shown = SearchProgress(progress, len(channels))
 
     def result_of(channel: Channel) -> ChannelResult:
         fit = fitted[channel]
-        effort = _effort_of(fit, options, parts, is_stopped, partial(shown.show, channel.name))
+        effort = effort_of(fit, options, parts, is_stopped, partial(shown.show, channel.name))
         fit = replace(fit, likelihood=replace(fit.likelihood, effort=effort))
         result = _identify_channel(channel, fit, data, options, misread=channel.name in not_searched)
         shown.end(channel.name)
@@ -229,13 +161,13 @@ def _identify_pieces(
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
     if is_tested and may_change:
-        changed = _identify_parts(recordings, dict(_cuts_of_curves(results)), options, progress, is_stopped)
+        changed = _identify_parts(recordings, dict(cuts_of_curves(results)), options, progress, is_stopped)
         if changed is not None:
             return changed
     progress('done', 1.0)
     unidentified = {name: str(error) for name, error in failed.items()}
     notices = (*check_results(recordings, results, options, fit_notices), *ripple_notices)
-    straight_drifts = [*_straight_drifts(results)]
+    straight_drifts = [*straight_drifts_of(results)]
     notices += tuple(note('slow_drift', drift.text, _DRIFT_REMOVED) for _, drift in drifts)
     notices += tuple(note('slow_drift', drift.text, _DRIFT_IN_MODEL) for drift in straight_drifts)
     misread = any_warning([notice for notice in notices if notice.code != 'size_suspect'])
@@ -297,8 +229,8 @@ def _identify_parts(
             recording.name,
             cut.time,
             (cut.low, cut.high),
-            _state(before.channels[name], before.channels[name].comparisons[-1]),
-            _state(after.channels[name], after.channels[name].comparisons[0]),
+            state_of(before.channels[name], before.channels[name].comparisons[-1]),
+            state_of(after.channels[name], after.channels[name].comparisons[0]),
         )
         for (name, place), found in cuts.items()
         if place == index and found.low <= cut.high and cut.low <= found.high
@@ -307,116 +239,9 @@ def _identify_parts(
     return replace(after, notices=(*notices, *after.notices), changes=changes)
 
 
-def _cuts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Cut]]:
-    """Yield the indices of recordings in which a channel's device changed, and when."""
-    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
-        cut = find_cut(channel, experiment)
-        if cut is not None:
-            yield index, cut
-
-
-def _drifts(channel: Channel, data: Prepared) -> Iterator[tuple[int, Drift]]:
-    """Yield the indices of recordings in which a channel drifts, and the drifts."""
-    for index, experiment in zip(data.holding(channel), data.experiments(channel)):
-        drift = find_drift(channel, experiment)
-        if drift is not None:
-            yield index, drift
-
-
-def _straight_drifts(results: Mapping[str, ChannelResult]) -> Iterator[Drift]:
-    """Yield the drifts that the search found as an effect, for each recording."""
-    for result in results.values():
-        if _STRAIGHT_DRIFT in result.found.model.effects:
-            rate = result.found.model.effects[_STRAIGHT_DRIFT][0]
-            for comparison in result.comparisons:
-                times = comparison.times
-                yield Drift(result.name, comparison.name, times, rate * (times - float(np.mean(times))))
-
-
-def _without_drifts(data: Prepared, drifts: Sequence[tuple[int, Drift]]) -> tuple[Recording, ...]:
-    """Return the recordings without drifts, which have the indices of their recordings."""
-    recordings = list(data.recordings)
-    for index, drift in drifts:
-        recordings[index] = without_drift(recordings[index], drift)
-    return tuple(recordings)
-
-
-def _cuts_of_curves(results: Mapping[str, ChannelResult]) -> Iterator[tuple[tuple[str, int], Cut]]:
-    """Yield changes that curves of the time show, by name of the channel and index of the recording."""
-    for name, result in results.items():
-        curve = None if result.conclusion is None else result.conclusion.unknown
-        if curve is not None and curve.against == 'time' and len(result.comparisons) == 1:
-            (comparison,) = result.comparisons
-            cut = cut_of_curve(comparison.experiment.begin + curve.at, curve.value)
-            if cut is not None:
-                yield (name, comparison.recording), cut
-
-
 def _half_of(progress: Progress, half: int) -> Progress:
     """Return a function that reports the progress of the first (0) or second (1) half of the work."""
     return lambda what, share: progress(what, 0.5 * (half + share))
-
-
-def _state(result: ChannelResult, comparison: Comparison) -> DeviceState:
-    """Return the state of a channel next to a change; the comparison is that of the recording that shows the change."""
-    index, conclusion = comparison.experiment.index, result.conclusion
-    return DeviceState(
-        gains=result.fit.estimates,
-        offset=float(result.fit.model.recording_values[index, 0]),
-        offset_std=float(result.fit.stds[index, 0]),
-        effects=() if conclusion is None else conclusion.effects,
-        verdict='' if conclusion is None else conclusion.verdict,
-        why='' if conclusion is None else conclusion.why,
-        error=result.rms(1),
-    )
-
-
-def _effort_of(
-    fit: Fit, options: Options, parts: int, is_stopped: Callable[[], bool], report: Callable[[Effort], None]
-) -> Effort:
-    """Return the effort that the search of a channel in one of some parts may take."""
-    limit = LARGEST_EFFORT / parts + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
-    return Effort(math.inf if options.thorough else limit, is_stopped, report)
-
-
-class _Progress:
-    """
-    Progress of all channels' searches.
-
-    Parameters
-    ----------
-    progress
-        Shows the current activity and the completed share.
-    channels
-        Number of channels.
-
-    """
-
-    def __init__(self, progress: Progress, channels: int) -> None:
-        self._progress = progress
-        self._shares: dict[str, float] = {}
-        self._channels = channels
-        self._shown = '', 0.0
-        self._lock = Lock()
-
-    def show(self, channel: str, effort: Effort) -> None:
-        """Show what a channel tries, its least error, and the share of its effort."""
-        error = '' if effort.error is None else f', error {effort.error:.3g} times the noise'
-        share = min(effort.spent / effort.limit, 1.0) if math.isfinite(effort.limit) else 0.0
-        self._update(channel, share, f'{channel}: {effort.question}{error}' if effort.question else '')
-
-    def end(self, channel: str) -> None:
-        """Count a channel as complete."""
-        self._update(channel, 1.0, '')
-
-    def _update(self, channel: str, share: float, what: str) -> None:
-        with self._lock:
-            self._shares[channel] = share
-            total = _SMOOTHING_SHARE + (1.0 - _SMOOTHING_SHARE) * sum(self._shares.values()) / self._channels
-            text, before = self._shown
-            if (what or text) != text or total - before >= LEAST_PROGRESS:
-                self._shown = what or text, max(total, before)
-                self._progress(*self._shown)
 
 
 def _remove_ripple(
@@ -490,7 +315,7 @@ def _fit_channel(channel: Channel, data: Prepared) -> Fit | InputError:
 def _identify_channel(channel: Channel, joint: Fit, data: Prepared, options: Options, misread: bool) -> ChannelResult:
     """Return the result of a channel, without a search for effects if the recordings are misread."""
     indices, experiments = data.holding(channel), joint.likelihood.experiments
-    schedule, simulated, notes = _schedule(joint, options)
+    schedule, simulated, notes = schedule_of(joint, options)
     found, conclusion = joint, None
     if options.close_loop:
         found, conclusion = close_loop(joint, options.core, not misread, options.tolerance)
@@ -511,55 +336,3 @@ def _identify_channel(channel: Channel, joint: Fit, data: Prepared, options: Opt
         found=found,
         conclusion=conclusion,
     )
-
-
-def _schedule(joint: Fit, options: Options) -> tuple[list[OperatingPoint], list[Array], list[str]]:
-    """Return the operating points, the simulated signals, and notes about ignored set-points."""
-    levels = joint.likelihood.channel.levels(joint.likelihood.experiments, joint.model)
-    if options.per_setpoint and levels:
-        return _fit_each_setpoint(joint, levels, options.ambient_pressure)
-    schedule = [OperatingPoint(float(np.mean(np.concatenate(levels))), joint)] if levels else []
-    return schedule, list(joint.simulated), []
-
-
-def _fit_each_setpoint(
-    joint: Fit, levels: Sequence[Array], ambient_pressure: float
-) -> tuple[list[OperatingPoint], list[Array], list[str]]:
-    """
-    Fit each set-point separately; return the operating points, the simulated signals, and notes.
-
-    A recording with several set-points is simulated for each set-point, and compared where that set-point acts.
-    """
-    channel, experiments = joint.likelihood.channel, joint.likelihood.experiments
-    simulated = [values.copy() for values in joint.simulated]
-    schedule, notes = [], []
-    for low, high in _bands(np.concatenate(levels), ambient_pressure):
-        applies = [(low <= level) & (level <= high) for level in levels]
-        used = [index for index, mask in enumerate(applies) if np.any(mask & experiments[index].counts)]
-        if not used:
-            notes.append(f'set-point {low:.0f} Pa is not in the schedule: only the test part contains it')
-            continue
-        setpoint = float(np.mean(np.concatenate([levels[index][applies[index]] for index in used])))
-        try:
-            chosen = [replace(experiments[index], index=rank) for rank, index in enumerate(used)]
-            chosen = [
-                replace(experiment, chosen=experiment.counts & applies[index])
-                for experiment, index in zip(chosen, used)
-            ]
-            fit = fit_model(channel, chosen)
-        except InputError as error:
-            notes.append(f'set-point {setpoint:.0f} Pa is not in the schedule: {error}')
-            continue
-        schedule.append(OperatingPoint(setpoint, fit))
-        for rank, index in enumerate(used):
-            simulated[index][applies[index]] = fit.simulated[rank][applies[index]]
-    if not schedule:
-        raise InputError('no set-point has enough data for a separate fit: identify without --per-setpoint')
-    return schedule, simulated, notes
-
-
-def _bands(levels: Array, ambient_pressure: float) -> list[tuple[float, float]]:
-    """Return the lowest and highest level [Pa] of each group of adjacent set-points, ascending."""
-    values = np.unique(levels)
-    gaps = np.flatnonzero(np.diff(values) > LARGEST_SETPOINT_GAP * (values[:-1] + ambient_pressure)) + 1
-    return [(float(group[0]), float(group[-1])) for group in np.split(values, gaps)]

@@ -11,6 +11,13 @@ Displacement samples up to which channels are identified in parallel [samples]. 
 Origin: not known.
 """
 
+# Operating points: operating_points.py
+
+LARGEST_SETPOINT_GAP = 0.03
+"""Largest gap between adjacent set-points of one operating point [absolute pressure]. Origin: not known."""
+
+# Progress and limit of a search: progress.py
+
 LARGEST_EFFORT = 46e6
 """
 Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
@@ -25,9 +32,6 @@ Origin: see `LARGEST_EFFORT`.
 
 LEAST_PROGRESS = 0.01
 """Least change of the completed share that is reported [-]. Origin: a bar has about 100 characters."""
-
-LARGEST_SETPOINT_GAP = 0.03
-"""Largest gap between adjacent set-points of one operating point [absolute pressure]. Origin: not known."""
 
 # Verdict: conclusion.py
 

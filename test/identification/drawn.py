@@ -14,7 +14,7 @@ from cfd_pneumatic.identification.channels.channel import Model
 from cfd_pneumatic.identification.channels.pressure import Pressure
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
 from cfd_pneumatic.identification.fit.uncertainty import information
-from cfd_pneumatic.identification.procedure import prepare_recordings
+from cfd_pneumatic.identification.preparation import prepare_recordings
 from cfd_pneumatic.identification.search.complement import Complement
 from cfd_pneumatic.recording import recording_of as recording_of_samples
 from cfd_pneumatic.recording import sampled

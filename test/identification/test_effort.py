@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from cfd_pneumatic.identification import Options, identify, procedure
+from cfd_pneumatic.identification import Options, identify, progress
 from cfd_pneumatic.identification.data import Effort
 from cfd_pneumatic.recording import read_mapping, read_recording
 from cfd_pneumatic.reporting import report_data
@@ -27,8 +27,8 @@ def foreign(tmp_path_factory):
 def small_limit():
     """Limit the search to some trials of effects, so that the tests are quick."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(procedure, 'LARGEST_EFFORT', 6e6)
-        patch.setattr(procedure, 'LARGEST_EFFORT_PER_STEP', 0.0)
+        patch.setattr(progress, 'LARGEST_EFFORT', 6e6)
+        patch.setattr(progress, 'LARGEST_EFFORT_PER_STEP', 0.0)
         yield
 
 
@@ -96,11 +96,11 @@ def test_no_trial_has_a_negative_share(limited):
 def test_the_search_ends_soon_after_a_stop_with_the_best_answer_so_far(foreign):
     questions = []
 
-    def progress(what, _share):
+    def show(what, _share):
         if 'effects with' in what:
             questions.append(what)
 
-    stopped = identify([foreign], Options(close_loop=True), progress, lambda: len(questions) > 1)
+    stopped = identify([foreign], Options(close_loop=True), show, lambda: len(questions) > 1)
     assert stopped.is_interrupted
     assert report_data(stopped)['interrupted'] is True
     assert len({what.partition(',')[0] for what in questions}) <= 2

@@ -25,7 +25,7 @@ from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.data.turning_points import seal_displacement
 from cfd_pneumatic.identification.fit.fit import find_optimum, fit_model, summary
 from cfd_pneumatic.identification.fit.likelihood import Likelihood
-from cfd_pneumatic.identification.procedure import prepare_recordings
+from cfd_pneumatic.identification.preparation import prepare_recordings
 from cfd_pneumatic.recording import Signal, read_mapping, read_recording, recording_of
 from studies.panel import draw, force_oracle_rmse
 

@@ -17,7 +17,7 @@ from drawn import CHANNEL, model, whole
 from reference import AMBIENT, INCH, PSI, pressure, step_like, step_like_rate
 
 from cfd_pneumatic.identification.fit.fit import fit_model
-from cfd_pneumatic.identification.procedure import prepare_recordings
+from cfd_pneumatic.identification.preparation import prepare_recordings
 from cfd_pneumatic.model.parameters import NAMES, TABLE_1_ROWS
 from cfd_pneumatic.recording import CylinderSignals, Recording, Signal
 from cfd_pneumatic.rig import Sensors
