@@ -25,6 +25,7 @@ from cfd_pneumatic.identification.thresholds import (
     LARGEST_RATIO_WITHOUT_RESTS,
     MOST_CORE_BOUNDS,
 )
+from cfd_pneumatic.identification.visited_range import Outside
 from cfd_pneumatic.model import Effect
 
 VERDICTS = ('effect_added', 'no_missing_effect', 'shape_found', 'unexplained', 'insufficient_data')
@@ -94,6 +95,8 @@ class Conclusion:
         Parts of the search that its limit or the user prevented.
     not_tested
         Clauses about what the test part does not test, such as the response to set-points.
+    outside
+        Variables whose range the test part leaves, with errors inside and outside of the range.
 
     """
 
@@ -116,6 +119,7 @@ class Conclusion:
     contradictions: tuple[str, ...] = ()
     not_tried: tuple[str, ...] = ()
     not_tested: tuple[str, ...] = ()
+    outside: tuple[Outside, ...] = ()
 
     @property
     def status(self) -> str:

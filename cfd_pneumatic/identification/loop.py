@@ -38,6 +38,7 @@ from cfd_pneumatic.identification.thresholds import (
     LARGEST_CURVE_ERROR_WITH_EFFECTS,
     LARGEST_FADING_CURVE_ERROR,
 )
+from cfd_pneumatic.identification.visited_range import outside_masks, outside_ranges
 from cfd_pneumatic.runtime import map_in_threads
 
 
@@ -88,7 +89,8 @@ def close_loop(
     hidden = effects_not_visible(likelihood, after.model, noise) if searching and shortage is None else ()
     residuals = [experiment.measured - values for experiment, values in zip(experiments, after.simulated)]
     if searching:
-        contradictions += contradiction(experiments, residuals, noise.std)
+        outside = outside_masks(channel, experiments, after.simulated, after.model)
+        contradictions += contradiction(experiments, residuals, noise.std, outside)
     effects = tuple(name for name in after.model.effects if name != channel.curve.name)
     used_core = PHYSICAL if after.model.core else LINEAR
     tolerated = within_tolerance(tolerance, channel.quantity.small.unit, experiments, after.simulated)
@@ -108,6 +110,7 @@ def close_loop(
         noise.known,
         at_bounds,
     )
+    ranges = outside_ranges(channel, experiments, after.simulated, after.model)
     conclusion = Conclusion(
         verdict=verdict,
         why=why,
@@ -126,7 +129,8 @@ def close_loop(
         is_searched=searching,
         contradictions=tuple(contradictions),
         not_tried=likelihood.effort.skipped,
-        not_tested=not_tested(experiments),
+        not_tested=(*not_tested(experiments), *(part.clause for part in ranges)),
+        outside=ranges,
     )
     return after, conclusion
 
@@ -179,8 +183,9 @@ def _confirm_curve(before: Fit, curve: FittedCurve, rival: Model | None) -> Fit 
     if min(prediction_ratios) >= (LARGEST_CURVE_ERROR_WITH_EFFECTS if base.effects else LARGEST_CURVE_ERROR):
         return None
     residuals = [experiment.measured - values for experiment, values in zip(experiments, simulated)]
+    outside = outside_masks(likelihood.channel, experiments, simulated, model)
     if prediction_ratios[0] > LARGEST_FADING_CURVE_ERROR and contradiction(
-        experiments, residuals, likelihood.noise(model).std
+        experiments, residuals, likelihood.noise(model).std, outside
     ):
         return None
     return summary(likelihood, model)

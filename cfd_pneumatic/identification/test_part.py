@@ -55,7 +55,9 @@ class _Strokes(NamedTuple):
     squares: Array
 
 
-def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array], noise: float) -> list[str]:
+def contradiction(
+    experiments: Sequence[Experiment], residuals: Sequence[Array], noise: float, outside: Sequence[Mask] | None = None
+) -> list[str]:
     """
     Return a clause about how the test part contradicts a model; empty without a contradiction or a test part.
 
@@ -71,9 +73,14 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
         Measured minus simulated at the samples of each experiment, shape (m,) [Pa or N].
     noise
         Standard deviation of the noise [Pa or N].
+    outside
+        Samples that the model was not estimated for, and that do not count, shape (m,); by default none.
 
     """
-    recordings = [_strokes(experiment, residual) for experiment, residual in zip(experiments, residuals)]
+    counted = [np.ones(experiment.part.size) for experiment in experiments]
+    if outside is not None:
+        counted = [(~mask).astype(np.float64) for mask in outside]
+    recordings = [_strokes(*recorded) for recorded in zip(experiments, residuals, counted)]
     together = _Strokes(*map(np.concatenate, zip(*recordings)))
     train, test = (_strokes_in(together, part) for part in ('train', 'test'))
     if not train.counts.size or not test.counts.size:
@@ -87,13 +94,15 @@ def contradiction(experiments: Sequence[Experiment], residuals: Sequence[Array],
     return [f'{where}the error of the test part is {factor:.2g} times that of the train part']
 
 
-def _strokes(experiment: Experiment, residual: Array) -> _Strokes:
+def _strokes(experiment: Experiment, residual: Array, counted: Array) -> _Strokes:
     """Return the residuals by stroke; the first and the last stroke include the samples at rest before and after."""
     times, part = experiment.sample_times, experiment.part
     begins = stroke_times(experiment.times, experiment.inputs['displacement'], 0.0)[1:-1]
     first = np.unique(np.concatenate([[0], np.searchsorted(times, begins), np.flatnonzero(np.diff(part)) + 1]))
     first = first[first < times.size].astype(np.intp)
-    return _Strokes(part[first], np.diff(first, append=times.size), np.add.reduceat(residual**2, first))
+    counts, squares = (np.add.reduceat(values, first) for values in (counted, counted * residual**2))
+    has_samples = counts > 0
+    return _Strokes(part[first][has_samples], counts[has_samples].astype(np.intp), squares[has_samples])
 
 
 def _strokes_in(strokes: _Strokes, part: str) -> _Strokes:

@@ -90,6 +90,17 @@ Origin: not known (1.05 before commit 851b74e).
 FEWEST_TEST_STROKES = 2
 """Strokes of a test part that tests whether strokes repeat [strokes]. Origin: two strokes are the fewest to repeat."""
 
+# Range of a model: visited_range.py
+
+RANGE_MARGIN = 0.05
+"""
+Distance from the range of train and validation part up to which a sample of the test part is inside [range].
+Origin: not known.
+"""
+
+LEAST_OUTSIDE_SHARE = 0.01
+"""Least share of the test part outside of a range that is reported [-]. Origin: not known."""
+
 # Dependence of the residual: residual_dependence.py
 
 DEPENDENCE_BINS = 24

@@ -11,12 +11,14 @@ from typing import Any
 
 from cfd_pneumatic.identification import (
     PARTS,
+    VARIABLES,
     Change,
     ChannelResult,
     Characteristic,
     DeviceState,
     Estimate,
     Identification,
+    Outside,
     PartError,
     Test,
     residual_dependences,
@@ -207,6 +209,7 @@ def _findings_data(result: ChannelResult) -> dict[str, Any]:
         'not_visible': list(findings.not_visible),
         'not_tried': list(findings.not_tried),
         'not_tested': list(findings.not_tested),
+        'outside_of_range': [_outside_data(outside, result) for outside in findings.outside],
         'next_experiment': findings.next_experiment,
     }
 
@@ -249,6 +252,19 @@ def _ratio_data(result: ChannelResult) -> dict[str, Any] | None:
     if ratio is None:
         return None
     return {'ratio': ratio, 'ci95': None if interval is None else list(interval)}
+
+
+def _outside_data(outside: Outside, result: ChannelResult) -> dict[str, Any]:
+    key = result.quantity.key
+    return {
+        'variable': outside.variable,
+        'unit': VARIABLES[outside.variable].unit,
+        'range': [outside.low, outside.high],
+        'reached': outside.reached,
+        'share': outside.share,
+        f'inside_rmse_{key}': _finite(outside.inside_rmse),
+        f'outside_rmse_{key}': _finite(outside.outside_rmse),
+    }
 
 
 def _test_data(tests: Sequence[Test]) -> list[dict[str, Any]]:

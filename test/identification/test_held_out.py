@@ -13,6 +13,7 @@ from cfd_pneumatic.identification import Options, identify
 from cfd_pneumatic.identification.data.split import PARTS
 from cfd_pneumatic.identification.loop import close_loop
 from cfd_pneumatic.identification.test_part import contradiction, not_tested
+from cfd_pneumatic.identification.visited_range import outside_ranges
 from cfd_pneumatic.model.effects import PRESSURE_EFFECTS
 from cfd_pneumatic.recording import CylinderSignals, Signal
 from studies.panel import draw
@@ -127,3 +128,33 @@ def test_states_what_the_test_part_does_not_test(strokes):
     (clause,) = not_tested([replace(strokes, part=last)])
     assert clause == 'the test part has a single stroke: whether strokes repeat was not tested'
     assert not_tested([replace(strokes, part=np.zeros_like(last))]) == ()
+
+
+def test_what_is_outside_of_the_range_contradicts_nothing(strokes):
+    larger = np.where(strokes.part == TEST, 5.0, 1.0) * residual_of(strokes, 3)
+    outside = strokes.part == TEST
+    assert contradiction([strokes], [larger], 1.0) != []
+    assert contradiction([strokes], [larger], 1.0, [outside]) == []
+
+
+def test_a_test_part_with_wider_strokes_is_reported_with_errors_inside_and_outside():
+    one = draw('leakage', 'out_and_back', 5)
+    recording = recording_of(one)
+    result = identify([recording], Options()).cylinders['cylinder_a']
+    likelihood = result.fit.likelihood
+    (experiment,) = likelihood.experiments
+    assert outside_ranges(likelihood.channel, [experiment], result.fit.simulated, result.fit.model) == ()
+    times = experiment.sample_times
+    begin = times[experiment.part == TEST][0]
+    middle = np.mean(experiment.inputs['displacement'])
+    wider = np.where(experiment.times >= begin, 2.0, 1.0) * (experiment.inputs['displacement'] - middle) + middle
+    experiment = replace(experiment, inputs={**experiment.inputs, 'displacement': wider})
+    error = 10.0 * (experiment.part == TEST)
+    found = outside_ranges(likelihood.channel, [experiment], [experiment.measured - error], result.fit.model)
+    by_variable = {outside.variable: outside for outside in found}
+    assert set(by_variable) == {'x', 'speed'}
+    assert by_variable['x'].outside_rmse == pytest.approx(10.0)
+    assert by_variable['x'].inside_rmse == pytest.approx(10.0)
+    fitted = wider[experiment.times < begin]
+    assert (by_variable['x'].low, by_variable['x'].high) == pytest.approx((fitted.min(), fitted.max()), abs=5e-5)
+    assert 'Record several strokes up to there' in by_variable['x'].clause

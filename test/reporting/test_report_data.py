@@ -25,6 +25,7 @@ ADDED = {
         'residual_tests',
         'not_visible',
         'not_tested',
+        'outside_of_range',
         'next_experiment',
         'left',
         'unknown',

@@ -8,11 +8,17 @@ Search, report, console and the draft of an effect read these tables. The kernel
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
+from cfd_pneumatic.identification.channels.thresholds import (
+    LARGEST_BORE_CHANGE,
+    LARGEST_CELL_CHANGE,
+    LARGEST_STIFFNESS_CHANGE,
+)
 from cfd_pneumatic.model import LIFTING
 
 
@@ -58,6 +64,8 @@ class Place:
         Gains of the model that compensate a constant value; None if no gain does.
     keeps_constant
         Whether no parameter of the model compensates a constant value.
+    largest
+        Largest value that a device can have [unit].
 
     """
 
@@ -68,6 +76,7 @@ class Place:
     effect: tuple[EffectFunction, ...]
     gains: slice | None = None
     keeps_constant: bool = False
+    largest: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -138,6 +147,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'the bore, the seal and the chamber walls',
             (_GAIN,),
             gains=slice(0, 1),
+            largest=LARGEST_BORE_CHANGE,
         ),
         'chamber': Place(
             'Pa/s',
@@ -185,6 +195,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'the chamber walls, and hoses and parts that are connected to the chamber',
             (_GAIN, _FLOW),
             gains=slice(0, 3),
+            largest=LARGEST_STIFFNESS_CHANGE,
         ),
         'force': Place(
             'N',
@@ -207,6 +218,7 @@ PLACES: Mapping[str, Place] = MappingProxyType(
             'the reading of the load cell varies by {} %',
             'the load cell, how it is mounted, and the linkage',
             _of_force('value * (1.0 + {})', 'the reading of the load cell [N]'),
+            largest=LARGEST_CELL_CHANGE,
         ),
     }
 )

@@ -140,3 +140,21 @@ LEAST_SUPPLY_RATIO = 1.05
 Least ratio of the supply pressure to the highest recorded pressure [-].
 Origin: a valve with less supply would hardly pass air.
 """
+
+# Sizes of a characteristic: characteristics.py
+
+LARGEST_BORE_CHANGE = 0.5
+"""
+Largest change of the volume that a piston sweeps, along the stroke or over the pressure [share]. A larger change is no
+bore.
+Origin: not known.
+"""
+
+LARGEST_STIFFNESS_CHANGE = 3.0
+"""
+Largest change of the air's stiffness [share]: the stiffness is the inverse of the volume, which may fall to a quarter.
+Origin: not known.
+"""
+
+LARGEST_CELL_CHANGE = 0.5
+"""Largest change of a load cell's reading [share]. Origin: not known."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cfd_pneumatic.identification.channels import Model
+from cfd_pneumatic.identification.channels import PLACES, Model
 from cfd_pneumatic.identification.fit import Likelihood, Optimum
 from cfd_pneumatic.identification.residual import autoregression, independent_share
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
@@ -91,6 +91,13 @@ class FittedCurve:
         """Return place and variable of the curve."""
         return self.screened.place.name
 
+    @property
+    def is_possible(self) -> bool:
+        """Whether a device can have values as large as the curve's."""
+        place = PLACES[self.screened.place.enters]
+        heights = self.screened.place.heights(self.candidate.model)
+        return float(np.max(np.abs(heights)) if place.keeps_constant else np.ptp(heights)) <= place.largest
+
 
 class CurveSearch:
     """
@@ -148,7 +155,9 @@ class CurveSearch:
         curves: list[FittedCurve] = []
         for base in sorted(bases, key=self._least_predicted_squares):
             if base in self._known_curves or self._least_predicted_squares(base) < limit:
-                curves += [curve for curve in self._fit_curves(base) if self.is_better(curve, known)]
+                curves += [
+                    curve for curve in self._fit_curves(base) if curve.is_possible and self.is_better(curve, known)
+                ]
             if any(self.is_noise(curve.candidate) for curve in curves):
                 break  # a curve that reaches the noise with a core is not searched with a further core
         if not curves:
@@ -229,7 +238,8 @@ class CurveSearch:
         much_better = [
             curve
             for curve in curves
-            if all(
+            if curve.is_possible
+            and all(
                 error(curve.candidate) < LARGEST_HYPOTHESIS_ERROR * error(model)
                 for error in (_prediction_error, self.candidates.residual_ratio)
                 for model in (known, self.candidates.baseline)
