@@ -34,6 +34,7 @@ from cfd_pneumatic.identification.residual import is_noise
 from cfd_pneumatic.identification.search import FittedCurve, Strategy, Trial, effects_not_visible, fit_curve
 from cfd_pneumatic.identification.test_part import contradiction, not_tested
 from cfd_pneumatic.identification.thresholds import (
+    LARGEST_CHANCE_RATIO,
     LARGEST_CURVE_ERROR,
     LARGEST_CURVE_ERROR_WITH_EFFECTS,
     LARGEST_FADING_CURVE_ERROR,
@@ -78,7 +79,8 @@ def close_loop(
     if after is not before:
         ratio, interval = error_ratio(experiments, before.simulated, after.simulated)
         found_tests = likelihood.tests(after.model, likelihood.noise(after.model))
-        if ratio >= 1.0 or (interval[1] >= 1.0 and not is_noise(found_tests)):
+        may_be_chance = ratio > LARGEST_CHANCE_RATIO and interval[1] >= 1.0
+        if ratio >= 1.0 or (may_be_chance and not is_noise(found_tests)):
             clause, tried = withdraw_effects(list(after.model.parts), ratio, interval, tried)
             contradictions.append(clause)
             after, alternatives, ratio, interval, unknown = before, {}, None, None, None

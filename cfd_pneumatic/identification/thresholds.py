@@ -41,6 +41,13 @@ Fewest samples of the train part for a search for effects [samples]. The search 
 Origin: the number of unknowns (commit bf95838).
 """
 
+LARGEST_CHANCE_RATIO = 0.9
+"""
+Largest error ratio on the test part, with 1 in its interval, at which effects are reported although more than noise
+remains [-].
+Origin: a delay was named that reduced the error of a foreign device to 99 % (98 to 101 %).
+"""
+
 LARGEST_EXPLAINED_RATIO = 1.1
 """
 Largest residual at which core, effects or a curve remain the answer although the residual depends on an input [standard

@@ -67,10 +67,14 @@ class Effort:
             self._skipped[what] = None
         return is_allowed
 
+    @property
+    def room(self) -> float:
+        """Return the effort that remains [steps]."""
+        return 0.0 if self.is_stopped() else max(self._allowed - self.spent, 0.0)
+
     def affordable(self, what: str, items: Sequence[Item], steps: float) -> Sequence[Item]:
         """Return the first of some items, which take some steps each, for which the effort suffices."""
-        room = 0.0 if self.is_stopped() else max(self._allowed - self.spent, 0.0)
-        count = len(items) if math.isinf(room) else min(len(items), int(room / max(steps, 1.0)))
+        count = len(items) if math.isinf(self.room) else min(len(items), int(self.room / max(steps, 1.0)))
         if count < len(items):
             self._skipped[what] = None
         return items[:count]

@@ -30,6 +30,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     CURVE_STRETCH_STEPS,
     EXPECTED_CURVE_EVALUATIONS,
     FAR_SMALLER_ERROR,
+    FEWER_STRETCH_STEPS,
     LARGE_RESIDUAL,
     LARGEST_ALIKE_ERROR,
     LARGEST_CORNER_ERROR,
@@ -41,6 +42,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_REMAINDER_OF_SOLE_CURVE,
     LARGEST_SHARPENED_SQUARES,
     LARGEST_SKETCH_RESIDUAL,
+    LARGEST_SKETCH_SHARE,
     LARGEST_SKETCH_SQUARES,
     LEAST_CURVE_EVIDENCE,
     LEAST_ERROR_DROP,
@@ -50,7 +52,6 @@ from cfd_pneumatic.identification.search.thresholds import (
     MOST_EFFECTS_WITH_CURVE,
     MOST_FITTED_CURVES,
     MOST_FURTHER_PLACES,
-    PHYSICAL_STRETCH_STEPS,
     ROUGH_CURVE_SEARCH,
     SHARPENED_SKETCHES,
     SHORT_CURVE_SEARCH,
@@ -115,7 +116,8 @@ class CurveSearch:
         self._stretches = candidates.train.spread(CURVE_STRETCH_STEPS)
         self._brief = candidates.train.spread(SHORT_STRETCH_STEPS)
         self._effort = candidates.effort
-        self._short_stretches = candidates.train.spread(PHYSICAL_STRETCH_STEPS)
+        self._fewer_stretches = candidates.train.spread(FEWER_STRETCH_STEPS)
+        self._known_stretches: dict[Candidate, Likelihood] = {}
         self._known_curves: dict[Candidate, list[FittedCurve]] = {}
         self._sketches: dict[Candidate, list[_Sketch]] = {}
         self._screened: dict[Candidate, list[ScreenedCurve]] = {}
@@ -424,8 +426,16 @@ class CurveSearch:
         )
 
     def _stretches_of(self, base: Candidate) -> Likelihood:
-        """Return the short stretches for curves in addition to a model, fewer for the physical core."""
-        return self._short_stretches if base.model.core else self._stretches
+        """Return the short stretches for curves in addition to a model."""
+        return self._known_stretches.get(base, self._stretches)
+
+    def _choose_stretches(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> Likelihood:
+        """Return the short stretches for all curves in addition to a model: fewer if the effort does not suffice."""
+        if base not in self._known_stretches:
+            steps = 2 * len(starts) * EXPECTED_CURVE_EVALUATIONS * self._stretches.effort_of(starts[0][1])
+            is_affordable = steps < LARGEST_SKETCH_SHARE * self._effort.room
+            self._known_stretches[base] = self._stretches if is_affordable else self._fewer_stretches
+        return self._known_stretches[base]
 
     def _noise_squares(self, base: Candidate) -> float:
         """Return the sum of squares of the noise on the short stretches for curves in addition to a model."""
@@ -441,7 +451,7 @@ class CurveSearch:
         if not starts:
             return []
         self._effort.ask(_question(base), self.candidates.residual_ratio(base))
-        stretches = self._stretches_of(base)
+        stretches = self._choose_stretches(base, starts)
         steps = 2 * EXPECTED_CURVE_EVALUATIONS * stretches.effort_of(starts[0][1])
         starts = self._effort.affordable(_question(base), starts, steps)
         share = independent_share(self.candidates.noise_autoregression(base))
