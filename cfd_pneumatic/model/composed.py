@@ -6,7 +6,7 @@ Eight cylinders that differ only in their parameters are simulated in parallel, 
 its derivatives from them. All numbers that persist between steps are in an array of rows. A row has a number of each
 lane.
 
-Written by `make kernel` from the effects, fingerprint 3c622d49e7883a03; do not edit.
+Written by `make kernel` from the effects, fingerprint 2056ec3723b6b657; do not edit.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ from cfd_pneumatic.identification.search.thresholds import CURVE_SHARE, EFFECT_S
 
 _CURVE_INSTEAD = 'replaced by an estimated curve'
 
-Confirm = Callable[[FittedCurve, 'Model | None'], 'Fit | None']
+Confirm = Callable[[FittedCurve, Model | None], Fit | None]
 """
 Returns the fit of a curve to train and validation; None if the test part contradicts it or prefers the model.
 
