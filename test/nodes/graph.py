@@ -307,9 +307,18 @@ class Graph:
             node.destroy_node()
 
     def until(
-        self, condition: Callable[[], Any], *, doing: Callable[[], None] | None = None, every: float = 0.1
+        self,
+        condition: Callable[[], Any],
+        *,
+        doing: Callable[[], None] | None = None,
+        every: float = 0.1,
+        otherwise: Callable[[], Any] = lambda: 'nothing of the kind',
     ) -> Any:
-        """Return what the condition gives as soon as it is true; meanwhile do something again and again [s]."""
+        """
+        Return what the condition gives as soon as it is true; meanwhile do something again and again [s].
+
+        `otherwise` returns what a failure reports.
+        """
         again = 0.0
 
         def meanwhile() -> None:
@@ -319,7 +328,7 @@ class Graph:
                 again = time.monotonic() + allowed(every)  # or it would hear less and less of what answers
             self.executor.spin_once(timeout_sec=0.05)
 
-        return wait_until(condition, meanwhile=meanwhile)
+        return wait_until(condition, meanwhile=meanwhile, found=otherwise)
 
     def listen(self, message_type: type, topic: str, qos: QoSProfile = QUEUE) -> list[Any]:
         """Return a list that messages are appended to."""
@@ -398,7 +407,9 @@ class Graph:
         def found() -> DiagnosticStatus | None:
             return next((one for one in self.diagnostics if one.name.startswith(f'{node}: ') and accept(one)), None)
 
-        return self.until(found, doing=doing)
+        return self.until(
+            found, doing=doing, otherwise=lambda: [(one.name, one.message) for one in self.diagnostics[-9:]]
+        )
 
 
 def _parameter_messages(values: Mapping[str, Any]) -> list[Any]:
