@@ -90,7 +90,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--thorough',
         action='store_true',
-        help='search effects and curves without a limit (default: about 10 s for a minute of one cylinder)',
+        help='search effects and curves without a limit; may take minutes (default: the search has a limit)',
     )
     parser.add_argument(
         '--tolerance',

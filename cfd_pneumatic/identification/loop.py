@@ -78,15 +78,15 @@ def close_loop(
     contradictions: list[str] = []
     if after is not before:
         ratio, interval = error_ratio(experiments, before.simulated, after.simulated)
-        found_tests = likelihood.tests(after.model, likelihood.noise(after.model))
+        noise_after = likelihood.noise(after.model)
+        tests_after = likelihood.tests(after.model, noise_after)
         may_be_chance = ratio > LARGEST_CHANCE_RATIO and interval[1] >= 1.0
-        if ratio >= 1.0 or (may_be_chance and not is_noise(found_tests)):
+        if ratio >= 1.0 or (may_be_chance and not is_noise(tests_after)):
             clause, tried = withdraw_effects(list(after.model.parts), ratio, interval, tried)
             contradictions.append(clause)
             after, alternatives, ratio, interval, unknown = before, {}, None, None, None
-    if after is not before:
-        noise = likelihood.noise(after.model)
-        tests = likelihood.tests(after.model, noise)
+        else:
+            noise, tests = noise_after, tests_after
     at_bounds = _core_bounds(after)
     hidden = effects_not_visible(likelihood, after.model, noise) if searching and shortage is None else ()
     residuals = [experiment.measured - values for experiment, values in zip(experiments, after.simulated)]

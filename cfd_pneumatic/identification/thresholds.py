@@ -21,7 +21,7 @@ LARGEST_SETPOINT_GAP = 0.03
 LARGEST_EFFORT = 46e6
 """
 Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
-Origin: with both limits a minute at 500 Hz takes 10 units of docs/measurements/speed.md.
+Origin: a smaller limit lost the bent sensor of the tutorial. A minute at 500 Hz still takes more than 10 units.
 """
 
 LARGEST_EFFORT_PER_STEP = 300.0

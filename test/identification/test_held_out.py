@@ -95,7 +95,7 @@ def test_a_device_that_changes_behind_the_validation_part_is_identified_in_two_p
     assert low - 0.2 <= begin <= high + 0.2
     assert (change.before.verdict, change.before.effects) == ('no_missing_effect', ())
     assert change.differences or change.after.effects
-    (notice,) = [one for one in found.notices if one.code == 'changed_during_recording']
+    (notice,) = [notice for notice in found.notices if notice.code == 'changed_during_recording']
     assert notice.message == change.text
     closure = found.channels['cylinder_a'].conclusion
     assert 'changed' not in closure.why
@@ -138,8 +138,7 @@ def test_what_is_outside_of_the_range_contradicts_nothing(strokes):
 
 
 def test_a_test_part_with_wider_strokes_is_reported_with_errors_inside_and_outside():
-    one = draw('leakage', 'out_and_back', 5)
-    recording = recording_of(one)
+    recording = recording_of(draw('leakage', 'out_and_back', 5))
     result = identify([recording], Options()).cylinders['cylinder_a']
     likelihood = result.fit.likelihood
     (experiment,) = likelihood.experiments

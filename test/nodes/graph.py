@@ -408,7 +408,7 @@ class Graph:
             return next((one for one in self.diagnostics if one.name.startswith(f'{node}: ') and accept(one)), None)
 
         return self.until(
-            found, doing=doing, otherwise=lambda: [(one.name, one.message) for one in self.diagnostics[-9:]]
+            found, doing=doing, otherwise=lambda: [(status.name, status.message) for status in self.diagnostics[-9:]]
         )
 
 

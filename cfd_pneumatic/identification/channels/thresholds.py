@@ -64,19 +64,19 @@ Origin: quicker models become unstable in the steps of the kernel.
 EXACT_EFFORT = 0.5
 """
 Effort of the exact simulation with its derivatives [step of Runge and Kutta with an effect].
-Origin: processor time of a minute at 500 Hz, 0.11 us against 0.19 us a step.
+Origin: processor times of a single recording, measured without a script.
 """
 
 PHYSICAL_EFFORT = 2.2
 """
 Additional effort of the physical core [step of Runge and Kutta with an effect].
-Origin: processor time as for `EXACT_EFFORT`, 0.61 us against 0.19 us a step.
+Origin: as for `EXACT_EFFORT`.
 """
 
 CURVE_EFFORT = 1.4
 """
 Additional effort of a curve [step of Runge and Kutta with an effect].
-Origin: processor time as for `EXACT_EFFORT`, 0.45 us against 0.19 us a step.
+Origin: as for `EXACT_EFFORT`.
 """
 
 LINEARISED_PERIODS = 1.5
