@@ -72,6 +72,13 @@ DESCRIBED = ['--params-file', str(Path(__file__).parents[2] / 'config' / 'table_
 _numbers = itertools.count()
 
 
+def environment_with_studies() -> dict[str, str]:
+    """Return an environment whose programs can import `studies` from any working folder."""
+    root = str(Path(__file__).parents[2])
+    paths = os.pathsep.join(filter(None, [root, os.environ.get('PYTHONPATH')]))
+    return os.environ | {'PYTHONPATH': paths}
+
+
 def unique_namespace() -> str:
     return f'/test_{next(_numbers)}'
 

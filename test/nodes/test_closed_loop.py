@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from graph import Graph, ros_arguments, unique_namespace
+from graph import Graph, environment_with_studies, ros_arguments, unique_namespace
 from patience import LONG_PATIENCE, allowed, wait_until
 from sensor_msgs.msg import FluidPressure, JointState
 
@@ -44,7 +43,6 @@ os._exit(run('rig_node', partial(RigNode, specimen.rig)))
 """
 """A program: `rig_node` with a device drawn at random, and something wrong with it."""
 DRAWN = 7
-ROOT = Path(__file__).parents[2]
 
 SENSORS = Sensors()
 NOISE = math.hypot(SENSORS.pressure_noise, SENSORS.step(SENSORS.pressure_range) / math.sqrt(12.0))
@@ -72,8 +70,7 @@ def device(namespace: str) -> Iterator[subprocess.Popen]:
     }
     told = [str(DRAWN), json.dumps(UNDECLARED)]
     program = [sys.executable, '-c', DEVICE, *told, *ros_arguments(namespace, settings)]
-    paths = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])])  # for `studies`
-    process = subprocess.Popen(program, env=os.environ | {'PYTHONPATH': paths})
+    process = subprocess.Popen(program, env=environment_with_studies())
     try:
         yield process
         process.terminate()

@@ -21,7 +21,16 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from graph import DESCRIBED, MILLISECOND, QUEUE, Graph, Process, ros_arguments, unique_namespace
+from graph import (
+    DESCRIBED,
+    MILLISECOND,
+    QUEUE,
+    Graph,
+    Process,
+    environment_with_studies,
+    ros_arguments,
+    unique_namespace,
+)
 from patience import LONG_PATIENCE, allowed, wait_until
 from rclpy.exceptions import InvalidParameterValueException
 from rclpy.parameter import Parameter
@@ -73,7 +82,7 @@ def device(namespace: str) -> Iterator[subprocess.Popen]:
     """Run the device, which follows a surface as soon as somebody listens."""
     settings = {'schedule': 'surface_following', 'repeat': True, 'start_subscribers': 2, 'start_delay': 0.3}
     program = [sys.executable, '-c', DEVICE, *ros_arguments(namespace, settings)]
-    process = subprocess.Popen(program, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(program, env=environment_with_studies())
     try:
         yield process
         process.terminate()
