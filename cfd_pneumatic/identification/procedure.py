@@ -96,14 +96,13 @@ def _identify_pieces(
     options: Options,
     progress: Progress,
     is_stopped: Callable[[], bool],
-    parts: int = 1,
+    may_change: bool = True,
 ) -> Identification:
     """
     Identify recordings without gaps.
 
-    `parts` counts the parts before and after a change, which share the effort; a single part may change.
+    `may_change` is False for the parts before and after a change.
     """
-    may_change = parts == 1
     progress('smoothing the displacement', 0.0)
     try:
         data = prepare_recordings(recordings, options.fractions)
@@ -131,12 +130,13 @@ def _identify_pieces(
     drifts: list[tuple[int, Drift]] = []
     is_tested = (options.close_loop or bool(errors)) and not (reading or fit_notices)
     is_tested = is_tested and not any_warning(check_recordings(recordings, options))
+    cuts: dict[tuple[str, int], Cut] = {}
     if is_tested and may_change:
         cuts = {(channel.name, index): cut for channel in needed for index, cut in cuts_of(channel, data)}
-        changed = _identify_parts(recordings, cuts, options, progress, is_stopped)
+        changed = _identify_parts(recordings, cuts, options, progress, is_stopped) if errors else None
         if changed is not None:
             return changed
-    if is_tested and not errors:
+    if is_tested and not (errors or cuts):
         drifts = [drift for channel in needed for drift in drifts_of(channel, data)]
         if drifts:
             data = replace(data, recordings=without_drifts(data, drifts))
@@ -149,11 +149,11 @@ def _identify_pieces(
         reason = _combine(fit_notices) if fit_notices else errors[0]
         raise _with_input_warnings(reason, recordings, options)
 
-    shown = SearchProgress(progress, len(channels))
+    shown = SearchProgress(_share_of(progress, 0.0, 1.0 / 3.0) if cuts else progress, len(channels))
 
     def result_of(channel: Channel) -> ChannelResult:
         fit = fitted[channel]
-        effort = effort_of(fit, options, parts, is_stopped, partial(shown.show, channel.name))
+        effort = effort_of(fit, options, is_stopped, partial(shown.show, channel.name))
         fit = replace(fit, likelihood=replace(fit.likelihood, effort=effort))
         result = _identify_channel(channel, fit, data, options, misread=channel.name in not_searched)
         shown.end(channel.name)
@@ -161,7 +161,11 @@ def _identify_pieces(
 
     results = {result.channel.name: result for result in map_channels(result_of, fitted)}
     if is_tested and may_change:
-        changed = _identify_parts(recordings, dict(cuts_of_curves(results)), options, progress, is_stopped)
+        # a model that explains the whole recording needs no change
+        cuts = {key: cut for key, cut in cuts.items() if not _is_explained(results[key[0]])}
+        cuts |= dict(cuts_of_curves(results))
+        rest = _share_of(progress, 1.0 / 3.0, 1.0)
+        changed = _identify_parts(recordings, cuts, options, rest, is_stopped)
         if changed is not None:
             return changed
     progress('done', 1.0)
@@ -213,12 +217,14 @@ def _identify_parts(
     quick = replace(options, close_loop=False)
     try:
         if any(
-            any_warning(_identify_pieces(part, quick, lambda _what, _share: None, is_stopped, len(parts)).notices)
+            any_warning(_identify_pieces(part, quick, lambda _what, _share: None, is_stopped, may_change=False).notices)
             for part in parts
         ):
             return None
         before, after = (
-            _identify_pieces(part, options, _half_of(progress, half), is_stopped, len(parts))
+            _identify_pieces(
+                part, options, _share_of(progress, 0.5 * half, 0.5 * (half + 1)), is_stopped, may_change=False
+            )
             for half, part in enumerate(parts)
         )
     except InputError:
@@ -239,9 +245,13 @@ def _identify_parts(
     return replace(after, notices=(*notices, *after.notices), changes=changes)
 
 
-def _half_of(progress: Progress, half: int) -> Progress:
-    """Return a function that reports the progress of the first (0) or second (1) half of the work."""
-    return lambda what, share: progress(what, 0.5 * (half + share))
+def _share_of(progress: Progress, begin: float, end: float) -> Progress:
+    """Return a function that reports the progress of a part of the work, between two shares of the whole."""
+    return lambda what, share: progress(what, begin + (end - begin) * share)
+
+
+def _is_explained(result: ChannelResult) -> bool:
+    return result.conclusion is not None and result.conclusion.explained_to_within is not None
 
 
 def _remove_ripple(

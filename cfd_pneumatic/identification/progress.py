@@ -18,11 +18,9 @@ SMOOTHING_SHARE = 0.06
 """Share of the work before the first search [-]."""
 
 
-def effort_of(
-    fit: Fit, options: Options, parts: int, is_stopped: Callable[[], bool], report: Callable[[Effort], None]
-) -> Effort:
-    """Return the effort that the search of a channel in one of some parts may take."""
-    limit = LARGEST_EFFORT / parts + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
+def effort_of(fit: Fit, options: Options, is_stopped: Callable[[], bool], report: Callable[[Effort], None]) -> Effort:
+    """Return the effort that the search of a channel may take."""
+    limit = LARGEST_EFFORT + LARGEST_EFFORT_PER_STEP * fit.likelihood.steps
     return Effort(math.inf if options.thorough else limit, is_stopped, report)
 
 

@@ -183,3 +183,13 @@ def test_a_curve_that_steps_shows_a_change_and_a_curve_that_creeps_does_not():
     assert cut.low <= 15.5 <= cut.high
     assert cut_of_curve(times, 100.0 * times) is None
     assert cut_of_curve(times, -np.expm1(-times / 10.0)) is None
+
+
+def test_an_effect_that_explains_the_whole_recording_is_no_change():
+    """Valves that saturate misfit the linear core in parts of a surface, as if the device had changed."""
+    drawn = recording_of(draw('flow_saturation', 'surface_following', 1000))
+    (experiment,) = experiments_of([drawn])
+    assert find_cut(CHANNEL, experiment) is not None, 'the linear core alone suggests a change'
+    found = identify([drawn], Options(close_loop=True))
+    assert not found.changes
+    assert found.cylinders['cylinder_a'].findings.effects == ('flow_saturation',)

@@ -14,6 +14,7 @@ motion or a slow drift are no change.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ from cfd_pneumatic.identification.changes.thresholds import (
     NORMAL_PER_MEDIAN,
     UNKNOWNS_OF_PART,
 )
-from cfd_pneumatic.identification.channels import Channel
+from cfd_pneumatic.identification.channels import Channel, Model
 from cfd_pneumatic.identification.data import Experiment, stroke_times
 from cfd_pneumatic.identification.residual import autoregression, sample_noise, whitened
 
@@ -72,12 +73,16 @@ def find_cut(channel: Channel, experiment: Experiment) -> Cut | None:
     noise = sample_noise(experiment.sample_times, experiment.measured)
     if fits.joint.stds[0] < LEAST_RMS_OVER_NOISE * noise:
         return None
-    time, parts = min((search_time(fits, share) for share in FIRST_CUTS), key=lambda found: found[1].cost)
+    joint = fits.joint.models
+    time, parts = min((search_time(fits, share, joint) for share in FIRST_CUTS), key=lambda found: found[1].cost)
+    if fits.joint.cost - parts.cost < least_drop:
+        return None
+    time, parts = search_time(fits, float(np.mean(fits.times < time)))
     drop = fits.joint.cost - parts.cost
     for groups in groups_by_excitation(fits.experiments, fits.counts):
         if drop < least_drop:
             return None
-        drop = min(drop, fits.grouped(groups, fits.joint.models).cost - parts.cost)
+        drop = min(drop, fits.grouped(groups).cost - parts.cost)
     return Cut(*_refine(fits, time, parts), drop) if drop >= least_drop else None
 
 
@@ -102,13 +107,17 @@ def cut_of_curve(times: Array, values: Array) -> Cut | None:
     return Cut(0.5 * (low + high), low, high, share)
 
 
-def search_time(fits: PartFits, share: float) -> tuple[float, Grouping]:
-    """Return the time of a change and the models before and after, searched from a share of the recording."""
+def search_time(fits: PartFits, share: float, starts: Sequence[Model] = ()) -> tuple[float, Grouping]:
+    """
+    Return the time of a change and the models before and after, searched from a share of the recording.
+
+    The fits begin at some starts, see `PartFits.fit`.
+    """
     index = int(share * fits.times.size)
     best: tuple[float, Grouping] | None = None
     for _ in range(MOST_CUT_REVISIONS):
         time = float(fits.times[index])
-        parts = fits.grouped((fits.times >= time).astype(np.intp), fits.joint.models)
+        parts = fits.grouped((fits.times >= time).astype(np.intp), starts)
         if best is None or parts.cost < best[1].cost:
             best = time, parts
         squares = [np.where(fits.counts, fits.residual(model) ** 2, 0.0) for model in parts.models]

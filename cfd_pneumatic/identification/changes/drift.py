@@ -84,7 +84,7 @@ def find_drift(channel: Channel, experiment: Experiment) -> Drift | None:
         best = int(np.argmin(costs))
         if costs[best] - bent.grouped(divisions[best], bent.joint.models).cost < LEAST_DRIFT_DROP:
             return None
-    if any(search_time(straight, share)[1].cost < bent.joint.cost for share in FIRST_CUTS):
+    if any(search_time(straight, share, straight.joint.models)[1].cost < bent.joint.cost for share in FIRST_CUTS):
         return None
     times = experiment.sample_times
     return Drift(channel.name, experiment.recording, times, bent.drift(times))

@@ -93,9 +93,11 @@ class PartFits:
         self._drifts = self._polynomials(self.times)
         self._coefficients = np.zeros(self._degree + 1)
         self.whole = replace(experiment, index=0, chosen=None)
+        self._single: tuple[Model, ...] = ()
         for _ in range(DRIFT_ROUNDS):
             self._remove_drift()
         self.joint = self.grouped(np.zeros(self.times.size, np.intp))
+        self._single = self.joint.models
 
     @property
     def has_bent_drift(self) -> bool:
@@ -128,17 +130,20 @@ class PartFits:
         self.likelihood = replace(self.likelihood, experiments=self.experiments)
 
     def fit(self, mask: Mask, starts: Sequence[Model] = ()) -> Model:
-        """Return the model that fits the samples of a mask best, from the channel's starts and from further starts."""
+        """
+        Return the model that fits the samples of a mask best.
+
+        The fits begin at some starts, by default at those of the channel and at the single model.
+        """
         ends = np.cumsum([stretch.part.size for stretch in self.experiments])[:-1]
         chosen = np.split(mask & self.counts, ends)
         experiments = tuple(replace(stretch, chosen=part) for stretch, part in zip(self.experiments, chosen))
         likelihood = replace(self.likelihood, experiments=experiments)
-        excerpt = likelihood.excerpt(EXCERPT_STEPS)
-        rough = [find_optimum(excerpt, start, *COMPARED_STARTS_SEARCH, passing=False) for start in self._starts]
-        candidates = [min(rough, key=lambda optimum: optimum.cost).model, *starts]
-        return min(
-            (find_optimum(likelihood, start, *PART_SEARCH) for start in candidates), key=lambda fit: fit.cost
-        ).model
+        if not starts:
+            excerpt = likelihood.excerpt(EXCERPT_STEPS)
+            rough = [find_optimum(excerpt, start, *COMPARED_STARTS_SEARCH, passing=False) for start in self._starts]
+            starts = [min(rough, key=lambda optimum: optimum.cost).model, *self._single]
+        return min((find_optimum(likelihood, start, *PART_SEARCH) for start in starts), key=lambda fit: fit.cost).model
 
     def residual(self, model: Model) -> Array:
         """Return measured minus simulated at all samples, shape (n,) [Pa]."""
