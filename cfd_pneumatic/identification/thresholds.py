@@ -18,13 +18,13 @@ LARGEST_SETPOINT_GAP = 0.03
 
 # Progress and limit of a search: progress.py
 
-LARGEST_EFFORT = 46e6
+LARGEST_EFFORT = 14e6
 """
 Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
-Origin: a smaller limit lost the bent sensor of the tutorial. A minute at 500 Hz still takes more than 10 units.
+Origin: a minute of one cylinder at 500 Hz takes about 10 units of docs/measurements/speed.md.
 """
 
-LARGEST_EFFORT_PER_STEP = 300.0
+LARGEST_EFFORT_PER_STEP = 150.0
 """
 Largest effort of a channel's search for each step of its recordings [simulated steps].
 Origin: see `LARGEST_EFFORT`.

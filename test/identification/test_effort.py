@@ -56,6 +56,24 @@ def test_a_share_limits_what_may_begin_within_it_only():
     assert effort.skipped == ('large', 'inner')
 
 
+def test_the_fits_of_the_answer_have_no_limit():
+    effort = Effort(limit=100.0)
+    effort.add(200.0)
+    assert effort.room == 0.0
+    with effort.lifted():
+        assert effort.allows('the last fit', 1e12)
+    assert not effort.allows('a further effect')
+    assert effort.skipped == ('a further effect',)
+
+
+def test_a_limit_may_be_extended():
+    effort = Effort(limit=100.0)
+    effort.add(90.0)
+    effort.extend(2.0)
+    assert effort.limit == 200.0
+    assert effort.room == 110.0
+
+
 def test_as_many_items_begin_as_the_effort_suffices_for():
     effort = Effort(limit=100.0)
     effort.add(30.0)

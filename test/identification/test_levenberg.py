@@ -151,6 +151,19 @@ def test_the_search_ends_where_it_is_enough():
     np.testing.assert_array_equal(content.points, thorough.points[: len(content.points)])
 
 
+def test_far_above_the_noise_the_search_ends_sooner():
+    """The residual of the decay is its noise: 60 samples of 0.01."""
+    noise = 60 * 0.01**2
+    start, bound = np.array([1.0, 3.0, 1.0, -3.0]), np.full(4, 10.0)
+    near, _ = decay(0)
+    _, total = minimum(near, start, -bound, bound, 1e-3, 50, noise=noise)
+    assert total < 1.5 * noise, 'a large sum on the way does not end the search near the noise'
+    far, _ = decay(0)
+    _, total = minimum(far, start, -bound, bound, 1e-3, 50, noise=1e-3 * noise)
+    assert len(far.points) < len(near.points)
+    assert total >= np.min(near.totals())
+
+
 @given(st.integers(0, 2**32 - 1))
 def test_residuals_with_derivatives_below_them_are_the_same_quadratic(seed):
     rows = np.random.default_rng(seed).standard_normal((4, 50))

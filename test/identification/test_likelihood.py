@@ -22,3 +22,10 @@ def test_a_model_is_simulated_once_as_long_as_it_lives():
     del one
     gc.collect()
     assert len(likelihood._simulated) == 1
+
+
+def test_simulations_count_as_effort():
+    drawn = draw_textbook('out_and_back', 700)
+    likelihood = Likelihood.alike(CHANNEL, experiments_of([recording_of(drawn)]))
+    likelihood.simulate(model(drawn.truth.gains, {'leakage': (1e-10, 0.0)}))
+    assert likelihood.effort.spent > 0.5 * likelihood.steps

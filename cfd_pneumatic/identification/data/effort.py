@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from threading import Lock
 from typing import TypeVar
 
@@ -87,9 +87,23 @@ class Effort:
     @contextmanager
     def share(self, share: float) -> Iterator[None]:
         """Allow only a share of the remaining effort within the context."""
-        before = self._allowed
-        self._allowed = self.spent + share * max(before - self.spent, 0.0) if math.isfinite(before) else before
+        remaining = self._allowed - self.spent
+        with self._limited(self.spent + share * max(remaining, 0.0) if math.isfinite(remaining) else math.inf):
+            yield
+
+    @contextmanager
+    def _limited(self, allowed: float) -> Iterator[None]:
+        before, self._allowed = self._allowed, allowed
         try:
             yield
         finally:
             self._allowed = before
+
+    def extend(self, factor: float) -> None:
+        """Multiply the limit."""
+        self._allowed += (factor - 1.0) * self.limit
+        self.limit *= factor
+
+    def lifted(self) -> AbstractContextManager[None]:
+        """Return a context without limit, for the fits of the answer."""
+        return self._limited(math.inf)

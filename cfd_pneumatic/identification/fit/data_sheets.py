@@ -20,19 +20,22 @@ from cfd_pneumatic.identification.fit.thresholds import (
 )
 
 
-def as_data_sheets(likelihood: Likelihood, optimum: Optimum, tolerance: float, evaluations: int) -> Optimum:
+def as_data_sheets(
+    likelihood: Likelihood, optimum: Optimum, tolerance: float, evaluations: int, noise: float
+) -> Optimum:
     """
     Return a fitted model, fitted again with the undetermined parameters of its core held at null.
 
     Free undetermined parameters would be compensated by the gains. All parameters that a data sheet may omit are held,
-    if the likelihood permits. Otherwise the parameters within two standard errors of null are held, if it permits.
+    if the likelihood permits. Otherwise the parameters within two standard errors of null are held, if it permits. See
+    `find_optimum` for tolerance, evaluations and noise.
     """
     optional = _optional_parameters(likelihood.channel, optimum.model)
     for names in (optional, optional & _near_null(likelihood, optimum.model)):
         restricted = find_optimum(likelihood, _with_null(likelihood.channel, optimum.model, names), *ROUGH_SEARCH)
         rise = likelihood.samples * math.log(restricted.cost / max(optimum.cost, LEAST_SUM_OF_SQUARES))
         if names and rise < chdtri(len(names), 1.0 - CONFIDENCE):
-            return find_optimum(likelihood, restricted.model, tolerance, evaluations)
+            return find_optimum(likelihood, restricted.model, tolerance, evaluations, noise=noise)
     return optimum
 
 

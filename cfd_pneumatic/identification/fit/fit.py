@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -146,12 +147,14 @@ def find_optimum(
     enough: float = 0.0,
     frozen: Iterable[str] = (),
     passing: bool = True,
+    noise: float = math.inf,
 ) -> Optimum:
     """
     Search the best model from a start; cores and effects that are `frozen` keep their parameters.
 
     Start values, which the signal forgets soon, are searched unless `passing` is False. The search ends when the
-    cost falls by less than a share `tolerance`, after `evaluations`, or when the cost is at most `enough`.
+    cost falls by less than a share `tolerance`, after `evaluations`, or when the cost is at most `enough`. The share is
+    larger far above the `noise`, a standard deviation [SI].
     """
     unknowns = Unknowns(likelihood.channel, likelihood.experiments, start, frozen, passing)
     if not unknowns.start.size:
@@ -167,6 +170,7 @@ def find_optimum(
         enough,
         unknowns.longest_step,
         likelihood.effort.is_stopped,
+        likelihood.samples * noise**2,
     )
     return Optimum(unknowns.model(point), cost.total)
 

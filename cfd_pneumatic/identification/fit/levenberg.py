@@ -18,11 +18,13 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.fit.thresholds import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
+    LARGEST_LOOSENING,
     LARGEST_SHORTENING,
     LEAST_DAMPING_FACTOR,
     LEAST_PIVOT,
     LEAST_SCALE,
     LEAST_SHORTENING,
+    LEAST_SUM_OF_SQUARES,
     MOST_ACTIVE_SET_CHANGES,
 )
 from cfd_pneumatic.identification.residual import gram
@@ -95,6 +97,7 @@ def least_squares(
     enough: float = 0.0,
     longest: Array | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
+    noise: float = math.inf,
 ) -> tuple[Array, Quadratic]:
     """
     Return the point with the least sum of squared residuals near a start, and the quadratic there.
@@ -111,7 +114,8 @@ def least_squares(
     start, lower, upper
         Shape (k,).
     tolerance
-        The search ends when a step, taken or predicted, lowers the sum by less than this share.
+        The search ends when a step, taken or predicted, lowers the sum by less than this share. Far above the noise the
+        share is larger, because thousandths of a large sum decide nothing.
     evaluations
         Most calls of `evaluate`.
     enough
@@ -120,8 +124,14 @@ def least_squares(
         Largest step of each unknown, shape (k,); by default unlimited.
     is_stopped
         Returns whether the user has ended the search, which then ends at the best point so far.
+    noise
+        Sum of squares of the noise alone; by default the share `tolerance` holds for every sum.
 
     """
+
+    def least_fall(total: float) -> float:
+        return tolerance * total * min(max(total / max(noise, LEAST_SUM_OF_SQUARES), 1.0), LARGEST_LOOSENING)
+
     longest = np.full(start.size, np.inf) if longest is None else longest
     point = np.clip(start, lower, upper)
     current = evaluate(point)
@@ -132,7 +142,7 @@ def least_squares(
         if current.total <= enough or is_stopped():
             break
         step, predicted = _step(current, damping, lower - point, upper - point, longest)
-        if predicted <= tolerance * current.total:
+        if predicted <= least_fall(current.total):
             break
         trial = np.clip(point + step, lower, upper)  # rounding may take the point past a bound
         trial_value = evaluate(trial)
@@ -147,7 +157,7 @@ def least_squares(
             continue
         damping *= max(LEAST_DAMPING_FACTOR, 1.0 - (2.0 * decrease / predicted - 1.0) ** 3)
         point, current = trial, trial_value
-        if decrease <= tolerance * current.total:
+        if decrease <= least_fall(current.total):
             break
     return point, current
 

@@ -254,6 +254,7 @@ class Likelihood:
     def simulate(self, model: Model) -> list[Array]:
         """Return a model's simulation of each experiment, shape (m,) [SI]; cached as long as the model exists."""
         if model not in self._simulated:
+            self.effort.add(self.effort_of(model, 1))
             self._simulated[model] = self.channel.simulated(self.experiments, model)
         return self._simulated[model]
 

@@ -24,6 +24,13 @@ End of a fit whose parameters are reported: least relative fall of the sum of sq
 Origin: not known (200 evaluations before commit 32f0c9f).
 """
 
+LARGEST_LOOSENING = 100.0
+"""
+Largest factor of the least relative fall far above the noise [-]. The factor is the sum of squares over that of the
+noise.
+Origin: halved the evaluations of candidates that were far from the noise (scratch runs on foreign recordings).
+"""
+
 LARGEST_LOG_STEP = 2.0
 """Largest step of a logarithm in an iteration [-], a factor of seven. Origin: not known."""
 

@@ -17,9 +17,7 @@ from cfd_pneumatic.identification.fit import Likelihood, Optimum, find_optimum
 from cfd_pneumatic.identification.residual import Test, is_noise, sample_noise
 from cfd_pneumatic.identification.search.complement import Complement, Start
 from cfd_pneumatic.identification.search.thresholds import (
-    FINE_EXCERPT_STEPS,
     FINE_SEARCH,
-    LARGEST_LOOSENING,
     LEAST_MISLEADING_RESIDUAL,
     LEAST_RIVAL_DROP,
     LEAST_START_DROP,
@@ -93,8 +91,6 @@ class Candidates:
         self.train_validation = representative.until('validation')
         self.train = representative.until('train')
         self.excerpt = train.excerpt(ROUGH_EXCERPT_STEPS)
-        longer = train.excerpt(FINE_EXCERPT_STEPS)
-        self._longer_excerpt = longer if 2 * longer.steps < self.train.steps else None
         self._is_long = self.train.steps > LONGEST_UNSCREENED
         self._known_data: dict[Candidate, Data] = {}
         self._known_shares: dict[Candidate, dict[str, float]] = {}
@@ -197,7 +193,7 @@ class Candidates:
         nested = [find_optimum(self.train, null, 1.0, 1)]  # sums without a step
         if is_refined:
             starts = [replace(model, effects=null.effects) for model in self.channel.beginnings(base.model, True)]
-            nested.append(self._best_fit(self.train, starts, base.rss / self.train.samples))
+            nested.append(self._best_fit(self.train, starts))
         return self.to_candidate(min(nested, key=lambda fit: fit.cost).model, base.model)
 
     def without_effects(self, candidate: Candidate, *names: str) -> Candidate:
@@ -205,8 +201,7 @@ class Candidates:
         if not names:
             return candidate
         kept = {effect: values for effect, values in candidate.effects.items() if effect not in names}
-        search = self._fine_search(candidate.rss / self.train.samples)
-        optimum = find_optimum(self.train, replace(candidate.model, effects=kept), *search)
+        optimum = self._fit(self.train, replace(candidate.model, effects=kept))
         return self.to_candidate(optimum.model, candidate.model)
 
     def screen_effects(self, base: Candidate, names: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
@@ -337,21 +332,16 @@ class Candidates:
 
     def _fit_to_end(self, rough: Sequence[Optimum]) -> Optimum:
         """Return the best fit to the end; a long train part is first fitted on an excerpt, to save time."""
-        starts, mean_square = [fit.model for fit in rough], rough[0].cost / self.excerpt.samples
-        if self._longer_excerpt is not None:
-            starts = [self._best_fit(self._longer_excerpt, starts, mean_square).model]
-        return self._best_fit(self.train, starts, mean_square)
+        starts = [fit.model for fit in rough]
+        if 2 * self.excerpt.steps < self.train.steps:
+            starts = [self._best_fit(self.excerpt, starts).model]
+        return self._best_fit(self.train, starts)
 
-    def _best_fit(self, likelihood: Likelihood, starts: Sequence[Model], mean_square: float) -> Optimum:
-        search = self._fine_search(mean_square)
-        return min(
-            map_in_threads(lambda model: find_optimum(likelihood, model, *search), starts), key=lambda fit: fit.cost
-        )
+    def _best_fit(self, likelihood: Likelihood, starts: Sequence[Model]) -> Optimum:
+        return min(map_in_threads(lambda model: self._fit(likelihood, model), starts), key=lambda fit: fit.cost)
 
-    def _fine_search(self, mean_square: float) -> tuple[float, int]:
-        """Return the end of a fit to the end; far from the noise thousandths of the sum decide nothing."""
-        tolerance, evaluations = FINE_SEARCH
-        return tolerance * min(max(mean_square / self.noise**2, 1.0), LARGEST_LOOSENING), evaluations
+    def _fit(self, likelihood: Likelihood, start: Model) -> Optimum:
+        return find_optimum(likelihood, start, *FINE_SEARCH, noise=self.noise)
 
 
 def _present_effects(base: Candidate, model: Model, effects: Mapping[str, Effect]) -> list[str]:

@@ -24,6 +24,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     LARGEST_ROUGH_CORE,
     LARGEST_ROUGH_EFFECT,
     LARGEST_ROUGH_RIVAL,
+    MOST_EFFECTS,
     TIE,
 )
 from cfd_pneumatic.lazy import lazy_property
@@ -50,6 +51,8 @@ class Cores:
         self._name = names[0] if names and core != LINEAR else None
         self._is_given = self._name is not None and core == PHYSICAL
         self._linear = Search(candidates, candidates.baseline)
+        self._known_bases: dict[Candidate, Candidate] = {}
+        self._known_results: dict[Candidate, SearchResult] = {}
 
     @property
     def is_chosen_here(self) -> bool:
@@ -102,9 +105,9 @@ class Cores:
             self.is_preferred(self.physical, single) for single in self._linear_step.candidates.values()
         )
 
-    def search_linear(self) -> SearchResult:
-        """Search effects with the linear core."""
-        return self._linear.run()
+    def search_linear(self, most: int = MOST_EFFECTS) -> SearchResult:
+        """Search at most some effects with the linear core."""
+        return self._linear.run(most)
 
     def search_only_core(self) -> SearchResult:
         """Search effects with the core that is given, or with the only core of the channel."""
@@ -117,6 +120,11 @@ class Cores:
         The core is fitted again from its starts if the residual with effects is not noise: its many parameters may be
         stuck. Models in `fresh` were just fitted from these starts.
         """
+        if base not in self._known_results:
+            self._known_results[base] = self._search_physical(base, fresh)
+        return self._known_results[base]
+
+    def _search_physical(self, base: Candidate, fresh: Sequence[Candidate]) -> SearchResult:
         assert self._name is not None
         result = Search(self.candidates, base).run()
         if not result.model.effects or result.model in fresh or self.candidates.has_noise_residual(result.model):
@@ -135,7 +143,9 @@ class Cores:
         if not self.candidates.effort.allows(f'the physical core with {" and ".join(linear.model.effects)}', steps):
             return [self.physical]
         limit = self._rough_limit(linear.model) if is_enough else math.inf
-        return [self.physical, self.candidates.with_core(linear.model, self._name, limit)]
+        if linear.model not in self._known_bases:
+            self._known_bases[linear.model] = self.candidates.with_core(linear.model, self._name, limit)
+        return [self.physical, self._known_bases[linear.model]]
 
     def prune(self, candidate: Candidate) -> Candidate:
         """Return a model with the physical core without effects that are not needed."""

@@ -195,7 +195,7 @@ class CurveSearch:
         if not self._effort.allows('curves with the physical core'):
             return None
         limit = LARGEST_ERROR_FOR_NEW_CORE**2 * min(
-            self._stretch_squares(candidate.model) for candidate in (base, core)
+            _squares(self._stretches, candidate.model) for candidate in (base, core)
         )
         if not sketches or sketches[0].optimum.cost > limit:
             return None
@@ -289,7 +289,7 @@ class CurveSearch:
             if self._is_astray(base) and not self._is_at_noise(base, best):  # the prediction errs far from the noise
                 best = self._best_sketches(base, self._further_places(base))
             starts = [(sketch.screened, sketch.optimum.model) for sketch in best[:MOST_FITTED_CURVES]]
-            curves = self._fit_to_train(base, starts)
+            curves = self._fit_to_train(base, self._worth_fitting(base, starts))
             self._known_curves[base] = [self._extend_range(curve) for curve in curves]
         return self._known_curves[base]
 
@@ -334,14 +334,18 @@ class CurveSearch:
         first: dict[tuple[str, str, float], ScreenedCurve] = {}
         for curve in screened:
             first.setdefault((*curve.place.name, curve.place.memory), curve)
-        starts = [
-            (curve, replace(model, effects=self._start_with_curve(base, curve).effects))
-            for curve in first.values()
-            for model in self.candidates.channel.beginnings(base.model, True)
-        ]
-        steps = len(starts) * SHORT_CURVE_SEARCH[1] * self._brief.effort_of(starts[0][1]) if starts else 0.0
-        if not starts or not self._effort.allows(_question(base), steps):
+        models = self.candidates.channel.beginnings(base.model, True)
+        evaluations = len(models) * SHORT_CURVE_SEARCH[1]
+        steps = evaluations * sum(
+            self._brief.effort_of(add_screened_curve(base.model, curve, 0.0)) for curve in first.values()
+        )
+        if not self._effort.allows(_question(base), steps):
             return []
+        starts = [
+            (curve, replace(model, effects=self._start_with_curve(base, curve, self._brief).effects))
+            for curve in first.values()
+            for model in models
+        ]
         costs = map_in_threads(
             lambda start: fit_curve(self._brief, start[1], start[0], SHORT_CURVE_SEARCH).cost, starts
         )
@@ -350,7 +354,8 @@ class CurveSearch:
 
     def _best_sketches(self, base: Candidate, screened: Sequence[ScreenedCurve]) -> list[_Sketch]:
         """Return sketches whose residual comes near the noise, earlier sketches included, the best first."""
-        sketches = self._fit_sketches(base, [(curve, self._start_with_curve(base, curve)) for curve in screened])
+        starts = [(curve, self._start_with_curve(base, curve, self._stretches)) for curve in screened]
+        sketches = self._fit_sketches(base, starts)
         largest = (
             LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
         ) ** 2 * self._noise_squares(base)
@@ -369,6 +374,30 @@ class CurveSearch:
         """Return whether the first sketch may reach the noise."""
         return bool(sketches) and sketches[0].optimum.cost < LARGEST_SKETCH_RESIDUAL**2 * self._noise_squares(base)
 
+    def _worth_fitting(
+        self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]
+    ) -> Sequence[tuple[ScreenedCurve, Model]]:
+        """
+        Return the curves that improve the train part, too, and that the effort suffices for.
+
+        Curves that reach the noise there are nearly the answer. Only such curves are then returned, in any case.
+        """
+        train = self.candidates.train
+        squares = [_squares(train, model) for _, model in starts]
+        noise_squares = LARGEST_SKETCH_RESIDUAL**2 * self.candidates.noise**2 * train.samples
+        at_noise = [start for start, square in zip(starts, squares) if square < noise_squares]
+        better = [start for start, square in zip(starts, squares) if square < base.rss]
+        return at_noise or self._affordable(base, better)
+
+    def _affordable(
+        self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]
+    ) -> Sequence[tuple[ScreenedCurve, Model]]:
+        """Return the first curves that the effort suffices to fit to the train part."""
+        if not starts:
+            return []
+        steps = EXPECTED_CURVE_EVALUATIONS * self.candidates.train.effort_of(starts[0][1])
+        return self._effort.affordable(_question(base), starts, steps)
+
     def _fit_to_train(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[FittedCurve]:
         """Return curves fitted to the train part, each from a model that has the curve."""
 
@@ -377,9 +406,6 @@ class CurveSearch:
                 fit_curve(self.candidates.train, model, screened, ROUGH_CURVE_SEARCH).model, base.model
             )
 
-        if starts:
-            steps = EXPECTED_CURVE_EVALUATIONS * self.candidates.train.effort_of(starts[0][1])
-            starts = self._effort.affordable(_question(base), starts, steps)
         fits = map_in_threads(lambda start: fit(*start), starts)
         curves = [FittedCurve(screened, candidate, base, ()) for (screened, _), candidate in zip(starts, fits)]
         return [curve for curve in curves if curve.screened.place.curve.name in curve.candidate.effects]
@@ -393,7 +419,9 @@ class CurveSearch:
         wide = place.with_range(low, high)
         screened = replace(curve.screened, place=wide)
         start = wide.add_curve(model, place.interpolation(wide.knots) @ place.heights(model))
-        wide_curves = self._fit_to_train(curve.base, [(screened, start), *_with_moved_knots(screened, start)])
+        wide_curves = self._fit_to_train(
+            curve.base, self._affordable(curve.base, [(screened, start), *_with_moved_knots(screened, start)])
+        )
         return min([curve, *wide_curves], key=lambda fitted: self.candidates.sum_of_squares(fitted.candidate))
 
     def _is_near_noise(self, curve: FittedCurve) -> bool:
@@ -418,12 +446,11 @@ class CurveSearch:
             self._screened[base] = screen_curves(self.candidates, base) if has_validation else []
         return self._screened[base]
 
-    def _start_with_curve(self, base: Candidate, screened: ScreenedCurve) -> Model:
+    def _start_with_curve(self, base: Candidate, screened: ScreenedCurve, stretches: Likelihood) -> Model:
         """Return a model with the largest share of a predicted curve that reduces the error; the whole may be wrong."""
         models = [add_screened_curve(base.model, screened, share) for share in CURVE_START_SHARES]
-        return next(
-            (model for model in models if self._stretch_squares(model) < self._stretch_squares(base.model)), models[-1]
-        )
+        squares, limit = _squares_side_by_side(stretches, models), _squares(stretches, base.model)
+        return next((model for model, square in zip(models, squares) if square < limit), models[-1])
 
     def _stretches_of(self, base: Candidate) -> Likelihood:
         """Return the short stretches for curves in addition to a model."""
@@ -440,11 +467,6 @@ class CurveSearch:
     def _noise_squares(self, base: Candidate) -> float:
         """Return the sum of squares of the noise on the short stretches for curves in addition to a model."""
         return self.candidates.noise**2 * self._stretches_of(base).samples
-
-    def _stretch_squares(self, model: Model) -> float:
-        """Return the sum of squared residuals of a model on the short stretches."""
-        with np.errstate(over='ignore'):  # of a model that diverges
-            return sum(float(run @ run) for run in self._stretches.residuals(self._stretches.simulate(model)))
 
     def _fit_sketches(self, base: Candidate, starts: Sequence[tuple[ScreenedCurve, Model]]) -> list[_Sketch]:
         """Return curves fitted to short stretches, each from a model that has the curve, the best first."""
@@ -501,6 +523,24 @@ def _with_moved_knots(screened: ScreenedCurve, model: Model) -> list[tuple[Scree
         (replace(screened, place=place), place.add_curve(model, screened.place.interpolation(place.knots) @ heights))
         for place in places
     ]
+
+
+def _squares(likelihood: Likelihood, model: Model) -> float:
+    """Return the sum of squared residuals of a model; infinite if the model diverges."""
+    with np.errstate(over='ignore', invalid='ignore'):
+        squares = sum(float(run @ run) for run in likelihood.residuals(likelihood.simulate(model)))
+    return squares if math.isfinite(squares) else math.inf
+
+
+def _squares_side_by_side(likelihood: Likelihood, models: Sequence[Model]) -> list[float]:
+    """Return the sums of squared residuals of models with the same core and effects, simulated side by side."""
+    likelihood.effort.add(likelihood.effort_of(models[0], len(models)))
+    simulated = likelihood.channel.simulate(likelihood.experiments, models)
+    with np.errstate(over='ignore', invalid='ignore'):
+        return [
+            sum(float(run @ run) for run in likelihood.residuals([values[:, rank] for values in simulated]))
+            for rank in range(len(models))
+        ]
 
 
 def _select_for_fit(

@@ -53,8 +53,9 @@ def fit_to_end(before: Fit, rough: Model) -> Fit:
     """Fit a model to train and validation; return the fit, or the unchanged model if the fit diverges."""
     likelihood = before.likelihood
     search = FINAL_SEARCH_TOLERANCE / likelihood.samples, MOST_FINAL_EVALUATIONS
-    optimum = find_optimum(likelihood, rough, *search)
-    model = (as_data_sheets(likelihood, optimum, *search) if optimum.model.core else optimum).model
+    noise = likelihood.noise(rough).std
+    optimum = find_optimum(likelihood, rough, *search, noise=noise)
+    model = (as_data_sheets(likelihood, optimum, *search, noise) if optimum.model.core else optimum).model
     if not all(np.all(np.isfinite(values)) for values in likelihood.simulate(model)):
         model = rough
     return summary(likelihood, model)

@@ -24,6 +24,7 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.residual import autoregression
 from cfd_pneumatic.identification.search.candidates import Candidate, Candidates
 from cfd_pneumatic.identification.search.thresholds import (
+    EXPECTED_CORE_EVALUATIONS,
     EXPECTED_EFFECT_EVALUATIONS,
     LARGEST_ALIKE_ERROR,
     LARGEST_ROUGH_RIVAL,
@@ -168,23 +169,23 @@ class Search:
             model.rss, candidate.rss, added_unknowns, self.candidates.noise_autoregression(candidate)
         )
 
-    def run(self) -> SearchResult:
+    def run(self, most: int = MOST_EFFECTS) -> SearchResult:
         """
-        Add effects, remove effects that are no longer needed, and try each effect against its rivals.
+        Add at most some effects, remove effects that are no longer needed, and try each effect against its rivals.
 
         The first effect decides about all later effects. If the criteria of the plain and the whitened residual
         disagree about it, the search continues from both.
         """
         model = self.base
         self._accepted[tuple(model.effects)] = model
-        if len(model.effects) >= self._most_effects(model):
+        if len(model.effects) >= min(most, self._most_effects(model)):
             return SearchResult(model, {}, ())
         effort = self.candidates.effort
         if model.model.core and not effort.allows('effects with the physical core', self._trial_effort(model)):
             return SearchResult(model, {}, ())
         first = self.try_effects(model)
         results = [
-            self._search_from(first, lead)
+            self._search_from(first, lead, most)
             for rank, lead in enumerate(first.leads)
             if not rank or effort.allows(f'a search that begins with {lead}')
         ]
@@ -196,7 +197,7 @@ class Search:
                 best = result
         return best
 
-    def _search_from(self, step: Step, lead: str) -> SearchResult:
+    def _search_from(self, step: Step, lead: str, most: int) -> SearchResult:
         """Return the result of the search that begins with a lead."""
         trials: tuple[Trial, ...] = ()
         ranking: dict[str, dict[str, Candidate]] = {}
@@ -207,7 +208,7 @@ class Search:
             self._accepted[tuple(model.effects)] = model
             is_small = self.candidates.residual_ratio(model) <= LARGEST_SMALL_RESIDUAL
             is_explained = is_small and self.candidates.has_noise_residual(model)
-            if len(model.effects) >= self._most_effects(model) or is_explained or lead not in model.effects:
+            if len(model.effects) >= min(most, self._most_effects(model)) or is_explained or lead not in model.effects:
                 break
             question = f'effects in addition to {" and ".join(model.model.parts)}'
             if not self.candidates.effort.allows(question, self._trial_effort(model)):
@@ -308,6 +309,9 @@ class Search:
         """Return a model without effects that are no longer needed; the last effect stays with the linear core."""
         names = list(model.effects)
         names = names if model.model.core else names[:-1]
+        steps = len(names) * EXPECTED_CORE_EVALUATIONS * self._likelihood.effort_of(model.model)
+        if model.model.core and names and not self.candidates.effort.allows('the model without each effect', steps):
+            return model
         coefficients, rank = autoregression(model.residuals), len(model.effects) - 1
         for reduced in map_in_threads(lambda name: self._without_effect(model, name), names):
             gain = self.criterion(reduced, coefficients) - self.criterion(model, coefficients)

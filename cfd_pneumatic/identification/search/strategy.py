@@ -8,8 +8,9 @@ This module decides; `cores`, `curve_search` and `stepwise` propose models and s
    noise may come from the sensor, or from physics that no test of the inputs detects.
 2. Does a curve with a core alone reduce the residual to noise, and no single effect comes near? This question comes
    before effects are combined, because combining takes longest if no combination is the answer.
-3. Which core, and which effects? The core comes first, because full physics is not a missing effect. The linear core
-   keeps what it explains as well as the physical core.
+3. Which core, and which effects? The core comes first, because full physics is not a missing effect. It is tried with a
+   single effect before the linear core gets several, because several effects can imitate the physical core. The linear
+   core keeps what it explains as well as the physical core.
 4. Does a curve explain more? It may if the residual is not noise. It also may if several effects were found, because
    several effects can imitate a single curve.
 5. If not, the effects are the answer. If they leave much more than noise, the best curve may be shown as a hypothesis.
@@ -19,6 +20,7 @@ The search does not see the test part. Only `confirm`, which the caller gives, d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from typing import NamedTuple
@@ -31,7 +33,7 @@ from cfd_pneumatic.identification.search.cores import Cores
 from cfd_pneumatic.identification.search.curve_search import VALVE_CURVE, CurveSearch, FittedCurve
 from cfd_pneumatic.identification.search.final_fit import finish, withdraw_trials
 from cfd_pneumatic.identification.search.stepwise import SearchResult, Trial
-from cfd_pneumatic.identification.search.thresholds import CURVE_SHARE, EFFECT_SHARE, LARGE_RESIDUAL
+from cfd_pneumatic.identification.search.thresholds import CURVE_SHARE, EFFECT_SHARE, EFFORT_NEAR_NOISE, LARGE_RESIDUAL
 
 _CURVE_INSTEAD = 'replaced by an estimated curve'
 
@@ -87,7 +89,7 @@ class Strategy:
         self.candidates = Candidates(before.likelihood, before.model)
         self.cores = Cores(self.candidates, core)
         self.curves = CurveSearch(self.candidates)
-        self._confirm = confirm
+        self._confirm_curve = confirm
         self._equivalent: list[Candidate] = []  # models with an effect that fit as well as a curve
 
     def find_answer(self, *, is_noise: bool) -> Answer:
@@ -100,13 +102,23 @@ class Strategy:
             fit = None if curve is None else self._confirm(curve, self.before.model)
             if fit is not None:
                 return Answer(fit, {}, self.cores.tried, curve)
+            if self._is_near_noise():
+                self._effort.extend(EFFORT_NEAR_NOISE)
             with self._effort.share(EFFECT_SHARE):
                 result = self._core_and_effects()
-        finish_result = cache(partial(finish, self.before, result))
+        finish_result = cache(partial(self._finish, result))
         with_curve = self._curve_after_effects(result, lambda: finish_result()[0])
         if with_curve is None and not is_noise and not _is_explained(finish_result()[0]):
             with_curve = self._hypothesis(result)
         return Answer(*finish_result(), None) if with_curve is None else with_curve
+
+    def _finish(self, result: SearchResult) -> tuple[Fit, Mapping[str, tuple[str, ...]], tuple[Trial, ...]]:
+        with self._effort.lifted():
+            return finish(self.before, result)
+
+    def _confirm(self, curve: FittedCurve, rival: Model | None) -> Fit | None:
+        with self._effort.lifted():
+            return self._confirm_curve(curve, rival)
 
     def _hypothesis(self, result: SearchResult) -> Answer | None:
         """Return the best curve as a hypothesis if it explains much more than a result that leaves more than noise."""
@@ -151,6 +163,11 @@ class Strategy:
         is_answer = is_answer or self.curves.is_far_better(curve, [*singles, *rivals])
         return curve if is_answer and not near else None
 
+    def _is_near_noise(self) -> bool:
+        """Return whether a core, alone or with a single effect, leaves a small residual."""
+        models = [*self.cores.models_without_effects, *self.cores.single_effects[:1]]
+        return min(map(self.candidates.residual_ratio, models)) < LARGE_RESIDUAL
+
     def _core_and_effects(self) -> SearchResult:
         """Search the core that the recordings need, and effects with this core."""
         cores = self.cores
@@ -158,11 +175,29 @@ class Strategy:
             return cores.search_only_core()
         if cores.is_full_physics():
             return SearchResult(cores.physical, {}, ())
+        # first a single effect: the physical core makes effects unnecessary that imitate the core
+        single = self._with_physical_core(cores.search_linear(most=1), LARGE_RESIDUAL)
         linear = cores.search_linear()
+        if single.model.model.core and self.candidates.has_noise_residual(single.model):
+            is_preferred = cores.is_preferred(single.model, linear.model, linear.alternatives)
+            return single if is_preferred else linear
+        several = self._with_physical_core(linear)
+        return min((several, single), key=lambda result: self.candidates.residual_ratio(result.model))
+
+    def _with_physical_core(self, linear: SearchResult, largest: float = math.inf) -> SearchResult:
+        """
+        Return the better of a result with the linear core and of searches with the physical core.
+
+        Effects are searched with the physical core if this core leaves at most a `largest` residual
+        [standard deviations of the noise].
+        """
+        cores = self.cores
         is_enough = self.candidates.has_noise_residual(linear.model) and len(linear.model.effects) <= 1
         bases = cores.bases_after(linear, is_enough=is_enough)
         if is_enough and not any(cores.is_preferred(base, linear.model, linear.alternatives) for base in bases):
             return linear  # the linear core with a single effect explains the recordings
+        if min(map(self.candidates.residual_ratio, bases)) > largest:
+            return linear
         base, physical = self._search_from(bases, fresh=[] if is_enough else bases)
         if not cores.is_preferred(physical.model, linear.model, linear.alternatives):
             return linear

@@ -23,13 +23,6 @@ Excerpt of each recording for rough fits [grid steps].
 Origin: not known (8000 before commit b655e98).
 """
 
-FINE_EXCERPT_STEPS = 10_000
-"""
-Excerpt of each recording on which a fit to a long train part begins [grid steps]. Most steps of such a fit are made on
-the excerpt.
-Origin: not known (40,000 before commit 97fab9e).
-"""
-
 ROUGH_SEARCH = (1e-2, 10)
 """
 End of a rough fit: least relative fall of the sum of squares [-] and most evaluations [1].
@@ -39,13 +32,6 @@ Origin: after 5 evaluations chance decided between orifices and laminar leaks (c
 FINE_SEARCH = (1e-5, 20)
 """
 End of a fit of a candidate to the train part: least relative fall of the sum of squares [-] and most evaluations [1].
-Origin: not known.
-"""
-
-LARGEST_LOOSENING = 100.0
-"""
-Largest factor of the least relative fall if the residual is far above the noise [-]. The factor is the mean square of
-the residual over that of the noise.
 Origin: not known.
 """
 
@@ -287,6 +273,12 @@ CURVE_SHARE = 0.5
 
 EFFECT_SHARE = 0.7
 """Share of the effort for core and effects, before curves in addition to them [remaining effort]. Origin: not known."""
+
+EFFORT_NEAR_NOISE = 2.0
+"""
+Factor on the limit of the effort if a core, alone or with a single effect, leaves a small residual [-].
+Origin: effects of devices of full physics need the physical core, which takes six times the time.
+"""
 
 EXPECTED_CORE_EVALUATIONS = 30
 """Evaluations of the train part that a fit of the physical core is expected to take [1]. Origin: not known."""
