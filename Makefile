@@ -36,7 +36,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-pictures example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws benchmark-foreign monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-pictures example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -90,6 +90,9 @@ benchmark-laws: $(VENV)/.ready  ## draw laws that no library has; ARGS='--seeds 
 
 benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the right effect is named: hours; ARGS=--quick 10 minutes
 	$(PY) -m studies.panel.benchmark_effects $(ARGS)
+
+benchmark-foreign: $(VENV)/.ready  ## identify devices with other equations, write docs/measurements/foreign.md; 20 minutes
+	$(PY) -m studies.foreign.benchmark_foreign --output docs/measurements/foreign.md $(ARGS)
 
 monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
 	$(PY) -m studies.documents.monitor_figures $(ARGS)
