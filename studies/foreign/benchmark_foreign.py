@@ -118,7 +118,7 @@ def measure(kind: str, seed: int, keep: Path | None, limit: float, version: str)
         folder.mkdir(parents=True, exist_ok=True)
         path, mapping = write_table(recorded, layout, folder)
         *_, unit_wall, unit_processor = _run(UNIT, folder, limit)
-        start = 'from cfd_pneumatic.runtime.start import identify_bag; identify_bag()'
+        start = 'import sys; from cfd_pneumatic.runtime.start import identify_bag; sys.exit(identify_bag())'
         command = [sys.executable, '-c', start, path.name, '--mapping', mapping.name, '--close-loop']
         command += ['--output', 'identified', '--progress', 'none', '--overwrite']
         exit_code, message, wall, processor = _run(command, folder, limit)
