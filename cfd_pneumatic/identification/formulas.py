@@ -19,6 +19,7 @@ from cfd_pneumatic.identification.thresholds import (
     FEWEST_CURVE_POINTS,
     LEAST_BAND,
     LEAST_CURVE_RANGE,
+    LEAST_SHARE_IN_BAND,
     LENGTH_BOUNDS,
     MOST_FORMULA_EVALUATIONS,
     MOST_FORMULAS,
@@ -141,7 +142,7 @@ def formulas(
     is_accepted: Callable[[Formula], bool] = lambda formula: True,
 ) -> tuple[Formula, ...]:
     """
-    Return the simplest formulas that stay within a band, all with the same count of numbers.
+    Return the simplest formulas that mostly stay within a band, all with the same count of numbers.
 
     Parameters
     ----------
@@ -171,7 +172,8 @@ def formulas(
         numbers, height, constant = _fit(form, u, value, weights, has_free_constant)
         formula = _to_formula(form, numbers, height, constant, middle, half, variable)
         evaluated = formula.evaluate(points)
-        if np.all((evaluated >= low) & (evaluated <= high)) and is_accepted(formula):
+        is_within = (evaluated >= low) & (evaluated <= high)
+        if np.mean(is_within) >= LEAST_SHARE_IN_BAND and is_accepted(formula):
             accepted.append((1 + len(numbers), float(np.sum(((evaluated - value) * weights) ** 2)), formula))
     accepted.sort(key=lambda ranked: ranked[1])
     return tuple(formula for _, _, formula in accepted[:MOST_FORMULAS])

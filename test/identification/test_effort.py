@@ -69,9 +69,13 @@ def test_the_fits_of_the_answer_have_no_limit():
 def test_a_limit_may_be_extended():
     effort = Effort(limit=100.0)
     effort.add(90.0)
-    effort.extend(2.0)
+    with effort.share(0.5):
+        effort.extend(2.0)
+        assert effort.room == 105.0
     assert effort.limit == 200.0
     assert effort.room == 110.0
+    effort.extend(2.0)
+    assert effort.limit == 200.0, 'once in a search'
 
 
 def test_as_many_items_begin_as_the_effort_suffices_for():

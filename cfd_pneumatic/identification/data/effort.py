@@ -43,6 +43,7 @@ class Effort:
         self.error: float | None = None
         """Least error so far [standard deviations of the noise]."""
         self._allowed = limit
+        self._is_extended = False
         self._skipped: dict[str, None] = {}
         self._report = report
         self._lock = Lock()
@@ -93,16 +94,19 @@ class Effort:
 
     @contextmanager
     def _limited(self, allowed: float) -> Iterator[None]:
-        before, self._allowed = self._allowed, allowed
+        before, limit = self._allowed, self.limit
+        self._allowed = allowed
         try:
             yield
         finally:
-            self._allowed = before
+            self._allowed = before if math.isinf(limit) else before + self.limit - limit
 
     def extend(self, factor: float) -> None:
-        """Multiply the limit."""
-        self._allowed += (factor - 1.0) * self.limit
-        self.limit *= factor
+        """Multiply the limit, once in a search."""
+        if not self._is_extended and math.isfinite(self.limit):
+            self._allowed += (factor - 1.0) * self.limit
+            self.limit *= factor
+            self._is_extended = True
 
     def lifted(self) -> AbstractContextManager[None]:
         """Return a context without limit, for the fits of the answer."""

@@ -28,6 +28,7 @@ from cfd_pneumatic.identification.search.thresholds import (
     CLEARLY_SMALLER_ERROR,
     CURVE_START_SHARES,
     CURVE_STRETCH_STEPS,
+    EFFORT_NEAR_NOISE,
     EXPECTED_CURVE_EVALUATIONS,
     FAR_SMALLER_ERROR,
     FEWER_STRETCH_STEPS,
@@ -359,11 +360,15 @@ class CurveSearch:
         largest = (
             LARGEST_SKETCH_RESIDUAL * self._near_noise_limit(base) / LARGEST_NEAR_NOISE
         ) ** 2 * self._noise_squares(base)
-        moved = [
-            variant
+        promising = [
+            sketch
             for sketch in sketches[:SHARPENED_SKETCHES]
             if sketch.optimum.cost < LARGEST_SHARPENED_SQUARES * largest
-            for variant in _with_moved_knots(sketch.screened, sketch.optimum.model)
+        ]
+        if any(_squares(self.candidates.train, sketch.optimum.model) < base.rss for sketch in promising):
+            self._effort.extend(EFFORT_NEAR_NOISE)
+        moved = [
+            variant for sketch in promising for variant in _with_moved_knots(sketch.screened, sketch.optimum.model)
         ]
         sketches = _sort_by_cost(self._sketches.get(base, []) + sketches + self._fit_sketches(base, moved))
         self._sketches[base] = sketches

@@ -97,13 +97,13 @@ class Strategy:
         if is_noise:
             result = self._core_for_autocorrelated_noise()
         else:
+            if self._is_near_noise():
+                self._effort.extend(EFFORT_NEAR_NOISE)
             with self._effort.share(CURVE_SHARE):
                 curve = self._curve_instead_of_effects()
             fit = None if curve is None else self._confirm(curve, self.before.model)
             if fit is not None:
                 return Answer(fit, {}, self.cores.tried, curve)
-            if self._is_near_noise():
-                self._effort.extend(EFFORT_NEAR_NOISE)
             with self._effort.share(EFFECT_SHARE):
                 result = self._core_and_effects()
         finish_result = cache(partial(self._finish, result))

@@ -276,7 +276,8 @@ EFFECT_SHARE = 0.7
 
 EFFORT_NEAR_NOISE = 2.0
 """
-Factor on the limit of the effort if a core, alone or with a single effect, leaves a small residual [-].
+Factor on the limit of the effort if a core, alone or with a single effect, leaves a small residual, or if a curve comes
+near the noise [-].
 Origin: effects of devices of full physics need the physical core, which takes six times the time.
 """
 
