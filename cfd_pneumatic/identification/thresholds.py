@@ -21,7 +21,7 @@ LARGEST_SETPOINT_GAP = 0.03
 LARGEST_EFFORT = 14e6
 """
 Largest effort of a channel's search, in addition to `LARGEST_EFFORT_PER_STEP` [simulated steps].
-Origin: a minute of one cylinder at 500 Hz takes about 10 units of docs/measurements/speed.md.
+Origin: the times in docs/measurements/foreign.md.
 """
 
 LARGEST_EFFORT_PER_STEP = 150.0

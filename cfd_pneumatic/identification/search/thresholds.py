@@ -278,7 +278,7 @@ EFFORT_NEAR_NOISE = 2.0
 """
 Factor on the limit of the effort if a core, alone or with a single effect, leaves a small residual, or if a curve comes
 near the noise [-].
-Origin: effects of devices of full physics need the physical core, which takes six times the time.
+Origin: effects of devices of full physics need the physical core, which takes several times as long.
 """
 
 EXPECTED_CORE_EVALUATIONS = 30
