@@ -24,6 +24,14 @@ plan_experiment rig_identified/parameters.yaml --report rig_identified/report.js
     --stroke 3e-3 --speed 0.1 --pressures 35e3 70e3 --duration 20 --wanted k_v leakage lost_motion
 record_rig planned/schedule.csv --output planned_bag
 """,
+    'force_on_path': """\
+awk 'BEGIN {
+    print "along_mm,error_mm"
+    for (k = 0; k <= 400; k++) printf "%d,%.4f\\n", k, 0.002 * k + 0.2 * sin(k / 9)
+}' > surface.csv
+force_on_path surface.csv --device rig_identified --force 20N --feed 50mm/s --tolerance 10% --hold --output preview
+record_rig preview/schedule.csv --device paper --output preview_bag
+""",
     'csv_to_bag': """\
 cat > press.csv <<END
 t_ms,stroke_mm,p_psi,set_psi,load_N

@@ -7,6 +7,7 @@ import argparse
 import io
 import math
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -18,12 +19,16 @@ from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES
 from cfd_pneumatic.errors import InputError, printable
 from cfd_pneumatic.examples import example_of
 from cfd_pneumatic.runtime import BAD_INPUT, INTERRUPTED
+from cfd_pneumatic.units import UNITS
 
 BROKEN_PIPE = 141
 
 _LONGEST_LINE = 2_000  # characters of an error message
 _LONGEST_SHOWN = 40  # characters of an argument in an error message
 _LONGEST_MESSAGE = 400  # characters of a message of argparse, which may list all choices and the argument
+
+
+_QUANTITY = re.compile(r'([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z%/]*)')
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -63,6 +68,32 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f'{text[:_LONGEST_SHOWN]!r} is not a finite number')
     return value
+
+
+def quantity(kind: str, per_second: bool = False) -> Callable[[str], float]:
+    """
+    Return the function that converts an option such as `0.05mm`, `100mm/s` or `3e5` to SI units.
+
+    Parameters
+    ----------
+    kind
+        Quantity in `units.UNITS`, such as `length`; a number without a unit is in SI units.
+    per_second
+        Whether the option is a rate of the quantity.
+
+    """
+    suffix = '/s' if per_second else ''
+    units = {f'{name}{suffix}': unit.si for name, unit in UNITS.items() if unit.quantity == kind}
+
+    def converted(text: str) -> float:
+        match = _QUANTITY.fullmatch(text.strip())
+        if match is None or (match[2] and match[2] not in units):
+            raise argparse.ArgumentTypeError(
+                f'{text[:_LONGEST_SHOWN]!r} is not a number, or not in one of the units {", ".join(units)}'
+            )
+        return number(match[1]) * (units[match[2]] if match[2] else 1.0)
+
+    return converted
 
 
 def ambient_pressure(text: str) -> float:

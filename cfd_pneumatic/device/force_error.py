@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from cfd_pneumatic.arrays import Array
-from cfd_pneumatic.convention import PISTON_AREA
+from cfd_pneumatic.convention import CYLINDERS, PISTON_AREA
 from cfd_pneumatic.identification import Geometry
 
 
@@ -39,6 +40,25 @@ def force_per_speed(gains: Array, force_scale: float) -> ForcePerSpeed:
     """
     k_x, k_sv, k_v, _ = gains.tolist()
     return ForcePerSpeed(force_scale * k_x / k_sv, force_scale * k_x / k_v)
+
+
+def combined_force_per_speed(gains: Mapping[str, Array], force_scale: float) -> ForcePerSpeed:
+    """
+    Return the size of the contact force's error per piston speed, of all cylinders [N s/m].
+
+    `growing` is the error while chamber A grows: the force is too small. Chamber B then shrinks.
+
+    Parameters
+    ----------
+    gains
+        Gains by cylinder, as in `force_per_speed`.
+    force_scale
+        Piston area times geometric factor [N/Pa].
+
+    """
+    none = ForcePerSpeed(0.0, 0.0)
+    a, b = (force_per_speed(gains[name], force_scale) if name in gains else none for name in CYLINDERS)
+    return ForcePerSpeed(a.growing + b.shrinking, a.shrinking + b.growing)
 
 
 def force_per_pressure(geometry: Geometry) -> float:

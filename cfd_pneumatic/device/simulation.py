@@ -41,15 +41,27 @@ def simulate_smoothed(
         )
     motion = smooth_motion(signal.times, signal.values)
     setpoints = _setpoints(device, recording, constant)
+    if measured_pressures and recording.cylinders.keys() != device.cylinders.keys():
+        raise InputError(f'{recording.name}: the force needs recorded pressures of {", ".join(device.cylinders)}')
+    return simulate_motion(device, recording, motion, setpoints, measured_pressures)
+
+
+def simulate_motion(
+    device: DeviceModel,
+    recording: Recording,
+    motion: Motion,
+    setpoints: Mapping[str, Signal],
+    measured_pressures: bool = False,
+) -> Recording:
+    """Simulate pressures and force of a smoothed motion at absolute set-points by cylinder [Pa]."""
     cylinders = {
         name: CylinderSignals(_simulate_pressure(name, cylinder, recording, motion, setpoints[name]), setpoints[name])
         for name, cylinder in device.cylinders.items()
     }
     simulated = replace(recording, cylinders=cylinders, force=None, health=(), others={})
-    if measured_pressures and recording.cylinders.keys() != device.cylinders.keys():
-        raise InputError(f'{recording.name}: the force needs recorded pressures of {", ".join(device.cylinders)}')
     source = recording if measured_pressures else simulated
-    return replace(simulated, force=_simulate_force(device, source, motion, recording.force or signal))
+    force = _simulate_force(device, source, motion, recording.force or recording.displacement)
+    return replace(simulated, force=force)
 
 
 def _setpoints(device: DeviceModel, recording: Recording, constant: Mapping[str, float]) -> dict[str, Signal]:

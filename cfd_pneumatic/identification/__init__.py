@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         Motion,
         Options,
         Split,
+        exact_motion,
         rests_at_start,
         smooth_motion,
         split_recordings,

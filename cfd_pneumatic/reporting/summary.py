@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from cfd_pneumatic.convention import CYLINDERS, PISTON_AREA
-from cfd_pneumatic.device import ForcePerSpeed, force_per_pressure, force_per_speed
+from cfd_pneumatic.device import ForcePerSpeed, combined_force_per_speed, force_per_pressure, force_per_speed
 from cfd_pneumatic.identification import (
     PLACES,
     ChannelResult,
@@ -256,14 +256,12 @@ def _force_at_rest(result: ChannelResult, identification: Identification) -> str
 def _force_per_speed(result: ChannelResult, identification: Identification) -> ForcePerSpeed:
     """Return the force per piston speed of a cylinder, or of all cylinders for the contact force."""
     scale = force_per_pressure(identification.geometry)
-    speeds = {
-        name: force_per_speed(cylinder.found.model.parameters, scale)
-        for name, cylinder in identification.cylinders.items()
-    }
-    if result.quantity.key == 'pa':
-        return speeds[result.name]
-    a, b = (speeds.get(name, ForcePerSpeed(0.0, 0.0)) for name in CYLINDERS)
-    return ForcePerSpeed(a.growing + b.shrinking, a.shrinking + b.growing)
+    gains = {name: cylinder.found.model.parameters for name, cylinder in identification.cylinders.items()}
+    return (
+        force_per_speed(gains[result.name], scale)
+        if result.quantity.key == 'pa'
+        else combined_force_per_speed(gains, scale)
+    )
 
 
 def _next_steps(result: ChannelResult) -> Iterator[str]:

@@ -10,7 +10,7 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.identification.data.effort import Effort
     from cfd_pneumatic.identification.data.experiment import Block, Experiment, rests_at_start, shortest_period
-    from cfd_pneumatic.identification.data.motion import Motion, observed_motion, smooth_motion
+    from cfd_pneumatic.identification.data.motion import Motion, exact_motion, observed_motion, smooth_motion
     from cfd_pneumatic.identification.data.options import AUTO, CORES, FRACTIONS, LINEAR, PHYSICAL, Options
     from cfd_pneumatic.identification.data.split import PARTS, Split, split_recordings, stroke_times
     from cfd_pneumatic.identification.data.thresholds import FEWEST_SAMPLES, SMALLEST_FRACTION

@@ -249,6 +249,33 @@ def smooth_motion(stamps: Array, measured: Array) -> Motion:
     return _smooth_windows(times, stamps, measured, windows, liveliest_motion)
 
 
+def exact_motion(times: Array, displacement: Array, rate: Array) -> Motion:
+    """
+    Return a motion that is known without noise, such as a planned motion.
+
+    Parameters
+    ----------
+    times
+        Increasing, shape (n,) [s].
+    displacement, rate
+        Displacement and its rate, each of shape (n,) [m, m/s].
+
+    """
+    return Motion(
+        times=times,
+        displacement=displacement,
+        rate=rate,
+        acceleration=np.gradient(rate, times),
+        reach=float(np.ptp(displacement)),
+        noise=0.0,
+        uncertainty=0.0,
+        rate_uncertainty=0.0,
+        order=2,
+        deviance=0.0,
+        stamps=times,
+    )
+
+
 def _likeliest_motion(stamps: Array, clock: Array | None, measured: Array) -> Motion:
     """Return the likelier of the displacements smoothed over the stamps and over a regular clock, if there is one."""
     if clock is None:

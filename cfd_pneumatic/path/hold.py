@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Set-points over time that hold the force along a path: the inverse of the identified model.
+
+Equation (12) at constant pressure needs a set-point that leads the pressure by K_x / K times the speed. Effects,
+friction, dead time and lag of the command change this lead. The inversion therefore iterates: it simulates, converts
+the force error to an error of each pressure, and solves the linearised response of the pressure to each set-point of
+the schedule for the corrections, in the sense of least squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.sparse import csc_matrix, diags, identity
+from scipy.sparse.linalg import splu
+
+from cfd_pneumatic.arrays import Array, rms
+from cfd_pneumatic.convention import CYLINDERS
+from cfd_pneumatic.device import Device
+from cfd_pneumatic.model import PRESSURE_PARTS, slowest
+from cfd_pneumatic.path.prediction import Prediction
+from cfd_pneumatic.path.setpoints import SetpointRange
+from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, delayed
+from cfd_pneumatic.path.thresholds import (
+    CHANGE,
+    LATEST,
+    LEAST_GAIN,
+    LONGEST_RESPONSE,
+    MOST_ITERATIONS,
+    SETTLING_TIME_CONSTANTS,
+    SMOOTHNESS,
+)
+from cfd_pneumatic.recording import Signal
+
+
+@dataclass(frozen=True)
+class Regulators:
+    """
+    Limits of the regulators and of the command.
+
+    Attributes
+    ----------
+    range
+        Lowest and highest gauge set-point [Pa].
+    slew
+        Largest rate of a set-point [Pa/s].
+    rate
+        Rate at which set-points are commanded [Hz].
+
+    """
+
+    range: SetpointRange
+    slew: float = math.inf
+    rate: float = 50.0
+
+    def limited(self, levels: Array) -> Array:
+        """Return set-points within the range and the slew rate, each (n,) [Pa]; a steep change begins earlier."""
+        within = np.clip(levels, self.range.low, self.range.high)
+        if math.isinf(self.slew):
+            return within
+        step = self.slew / self.rate
+        after, before = within.copy(), within.copy()
+        for index in range(1, within.size):
+            after[index] = np.clip(within[index], after[index - 1] - step, after[index - 1] + step)
+        for index in range(within.size - 2, -1, -1):
+            before[index] = np.clip(within[index], before[index + 1] - step, before[index + 1] + step)
+        return np.asarray(0.5 * (after + before))
+
+
+def held_setpoints(
+    simulator: PathSimulator, device: Device, constant: Mapping[str, float], target: float, regulators: Regulators
+) -> dict[str, Signal]:
+    """
+    Return the set-points over time that hold the force along a path.
+
+    Parameters
+    ----------
+    simulator, device
+        The path and the device.
+    constant
+        Constant gauge set-points, with which the iteration begins and whose mean pressure is kept [Pa].
+    target
+        Wanted force [N].
+    regulators
+        Limits of the set-points.
+
+    Returns
+    -------
+    Mapping
+        Gauge set-points by cylinder, which act from their times on [Pa].
+
+    """
+    return _Inversion(simulator, device, target, regulators).solve(constant)
+
+
+class _Inversion:
+    """Iteration from constant set-points to set-points that hold the force."""
+
+    def __init__(self, simulator: PathSimulator, device: Device, target: float, regulators: Regulators) -> None:
+        self._simulator, self._device, self._target, self._regulators = simulator, device, target, regulators
+        grid = simulator.path.grid
+        count = int((grid[-1] - grid[0]) * regulators.rate) + 1
+        self._times = grid[0] + np.arange(count) / regulators.rate
+        self._scale = device.number('area') * device.number('geometric_factor')
+
+    def solve(self, constant: Mapping[str, float]) -> dict[str, Signal]:
+        """Return the set-points after the last iteration that reduced the force error."""
+        levels = {name: np.full(self._times.size, level) for name, level in constant.items()}
+        response = self._simulate(levels)
+        total = sum(float(pressure[0]) for pressure in response.pressures.values())
+        solvers = {name: self._solver(levels, name, response.pressures[name]) for name in levels}
+        error = self._error(response)
+        for _ in range(MOST_ITERATIONS):
+            corrections = self._pressure_corrections(response, total)
+            changed = {
+                name: self._regulators.limited(level + solvers[name](corrections[name]))
+                for name, level in levels.items()
+            }
+            changed_response = self._simulate(changed)
+            changed_error = self._error(changed_response)
+            if not changed_error < error:
+                break
+            gain = 1.0 - changed_error / error
+            levels, response, error = changed, changed_response, changed_error
+            if gain < LEAST_GAIN:
+                break
+        return self._signals(levels)
+
+    def _simulate(self, levels: Mapping[str, Array]) -> PathResponse:
+        return self._simulator.simulate(self._device, self._signals(levels))
+
+    def _signals(self, levels: Mapping[str, Array]) -> dict[str, Signal]:
+        return {name: Signal(self._times, level) for name, level in levels.items()}
+
+    def _error(self, response: PathResponse) -> float:
+        """Return the root mean square of the force error on the path [N]."""
+        return rms(response.force[self._simulator.path.is_on_path] - self._target)
+
+    def _pressure_corrections(self, response: PathResponse, total: float) -> dict[str, Array]:
+        """
+        Return the changes of the pressures that remove the force error, each (n,) [Pa].
+
+        Two cylinders share the change, and the sum of their pressures returns to a `total` [Pa].
+        """
+        difference = (self._target - response.force) / self._scale
+        signs = {CYLINDERS[0]: 1.0, CYLINDERS[1]: -1.0}
+        count = len(response.pressures)
+        common = (total - sum(response.pressures.values(), start=np.zeros_like(difference))) / count
+        shared = common if count == len(CYLINDERS) else np.zeros_like(difference)
+        return {name: signs[name] * difference / count + shared for name in response.pressures}
+
+    def _solver(self, levels: Mapping[str, Array], name: str, pressure: Array) -> Callable[[Array], Array]:
+        """
+        Return the function that converts a change of a cylinder's pressure to changes of its set-points.
+
+        The response to each set-point is measured: set-points that are far enough apart, so that their responses do
+        not overlap, are changed in one simulation.
+        """
+        grid, rate = self._simulator.path.grid, self._regulators.rate
+        spacing = max(2, math.ceil(self._response_time(name) * rate))
+        begins = np.searchsorted(grid, self._times - 1e-9)
+        rows, columns, values = [], [], []
+        for first in range(spacing):
+            changed = levels[name].copy()
+            changed[first::spacing] += CHANGE
+            response = (self._simulate({**levels, name: changed}).pressures[name] - pressure) / CHANGE
+            for index in range(first, self._times.size, spacing):
+                end = begins[index + spacing] if index + spacing < self._times.size else grid.size
+                part = np.arange(begins[index], end)
+                rows.append(part)
+                columns.append(np.full(part.size, index))
+                values.append(response[part])
+        size = self._times.size
+        matrix = csc_matrix(
+            (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), shape=(grid.size, size)
+        )
+        normal = (matrix.T @ matrix).tocsc()
+        strength = float(normal.diagonal().max())
+        change = diags([-1.0, 1.0], [0, 1], shape=(size - 1, size))
+        penalty = SMOOTHNESS * strength * (change.T @ change + 1e-3 * identity(size))
+        factors = splu((normal + penalty).tocsc())
+        return lambda correction: np.asarray(factors.solve(matrix.T @ correction))
+
+    def _response_time(self, name: str) -> float:
+        """Return the time in which the response of a pressure to its set-point ends [s]."""
+        cylinder = self._device.model.cylinders[name]
+        gains = cylinder.parameters.table[:, 1:]
+        delays = sum(
+            values[0] for effect, values in cylinder.effects.items() if PRESSURE_PARTS[effect].is_of_command
+        )
+        settling = SETTLING_TIME_CONSTANTS * max(slowest(row) for row in gains)
+        return min(settling + SETTLING_TIME_CONSTANTS * delays, LONGEST_RESPONSE)
+
+
+def latest_arrival(simulator: PathSimulator, device: Device, held: Prediction, constant: Prediction) -> float:
+    """
+    Return the delay of the set-points at which their benefit is lost [s], at most `LATEST`.
+
+    At this delay the root mean square of the force error is that of constant set-points.
+    """
+    on_path = simulator.path.is_on_path
+
+    def loss(delay: float) -> float:
+        force = simulator.simulate(device, delayed(held.setpoints, delay)).force
+        return rms(force[on_path] - held.target) - constant.rms_error
+
+    if loss(0.0) >= 0.0:
+        return 0.0
+    if loss(LATEST) <= 0.0:
+        return LATEST
+    return float(brentq(loss, 0.0, LATEST, xtol=1e-3))

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Thresholds of predictions along a path: what each limits, its unit, and how it was chosen."""
+
+from __future__ import annotations
+
+# Motion: motion.py
+
+PERIOD = 2e-3
+"""
+Period of the grid on which a path is simulated [s].
+Origin: the sampling period of the rig; the regulators' time constants are ten times longer.
+"""
+
+REST = 0.5
+"""
+Rest of the piston before and after a path [s].
+Origin: the pressures of the devices of `studies.panel` settle in less time.
+"""
+
+LONGEST_PATH = 600.0
+"""
+Longest path that is simulated [s].
+Origin: 300,000 samples; the simulations for its band take about a minute.
+"""
+
+LARGEST_EXCESS = 0.1
+"""
+Largest distance of a path from the identified stroke, as a share of the stroke [-].
+Origin: not known.
+"""
+
+# Set-points: setpoints.py
+
+CENTRED = 1e-3
+"""Remaining mean error of centred set-points, as a share of the force [-]. Origin: far below any tolerance."""
+
+MOST_CORRECTIONS = 8
+"""Most corrections of the set-points [1]. Origin: a correction leaves a few percent; three suffice on every device."""
+
+# Band: band.py
+
+STANDARD_ERRORS = 1.96
+"""Half of the band in standard errors [1]. Origin: 95 % of a normal distribution."""
+
+SCAN_LENGTH = 5e-3
+"""
+Distance over which the error of a scan of the surface changes [m].
+Origin: the spot and the smoothing of a line scanner are a few millimetres long.
+"""
+
+SCAN_TIME = 0.05
+"""
+Time over which the error of a displacement that is given over time changes [s].
+Origin: `SCAN_LENGTH` at a feed of 0.1 m/s.
+"""
+
+SCANS = 8
+"""Random scans from which the effect of a scan's error is estimated [1]. Origin: its error is then a quarter."""
+
+# Feed: feed.py
+
+SLOWEST_FEED, FASTEST_FEED = 1e-4, 10.0
+"""Feeds between which the fastest is searched [m/s]. Origin: slower and faster robots do not deburr."""
+
+FEED_TOLERANCE = 0.01
+"""End of the search for a feed, as a share of the feed [-]. Origin: robots are programmed in such steps."""
+
+# Set-points that hold the force: hold.py
+
+MOST_ITERATIONS = 8
+"""Most iterations of the inversion of the model [1]. Origin: the error falls by a factor of ten in the first two."""
+
+LEAST_GAIN = 0.02
+"""
+Least relative fall of the force error for which the inversion continues [-].
+Origin: a further iteration would be less than the regulators' resolution.
+"""
+
+SETTLING_TIME_CONSTANTS = 4.0
+"""Time constants in which the response to a change of a set-point ends [1]. Origin: 2 % remain."""
+
+LONGEST_RESPONSE = 1.0
+"""
+Longest response to a change of a set-point that is measured [s].
+Origin: five time constants of the slowest regulator of `studies.panel`.
+"""
+
+CHANGE = 500.0
+"""
+Change of a set-point with which the response is measured [Pa].
+Origin: above rounding, and too small to reach another branch of the regulator for long.
+"""
+
+SMOOTHNESS = 1e-3
+"""
+Weight of the change between adjacent set-points, relative to the response of the pressure [-].
+Origin: not known.
+"""
+
+LATEST = 0.5
+"""Largest delay of the set-points that is tried [s]. Origin: ten times the delay of slow field buses."""
+
+# Texts: texts.py
+
+MOST_PLACES = 4
+"""Most places of a violation that a text lists [1]. Origin: a line of the terminal."""
