@@ -140,6 +140,7 @@ def _import_uncollected(module: str) -> ModuleType:
 compile_kernels = partial(_run_program, 'cfd_pneumatic.commands.compile_kernels')
 csv_to_bag = partial(_run_program, 'cfd_pneumatic.commands.csv_to_bag')
 dask_certificate = partial(_run_program, 'cfd_pneumatic.commands.dask_certificate')
+force_on_path = partial(_run_program, 'cfd_pneumatic.commands.force_on_path')
 identify_bag = partial(_run_program, 'cfd_pneumatic.commands.identify_bag')
 leak_test = partial(_run_program, 'cfd_pneumatic.commands.leak_test')
 plan_experiment = partial(_run_program, 'cfd_pneumatic.commands.plan_experiment')
