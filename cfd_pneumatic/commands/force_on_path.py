@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -13,6 +12,9 @@ from pathlib import Path
 from cfd_pneumatic.commands import program
 
 NAME = 'force_on_path'
+
+_PASSED_ON = ('feed', 'bias', 'start', 'scan_error', 'timing_error', 'hold', 'rate', 'slew')
+"""Options that are arguments of `path.force_on_path` in the same unit."""
 
 
 def preview_from_arguments(arguments: Sequence[str] | None = None) -> None:
@@ -26,36 +28,19 @@ def preview_from_arguments(arguments: Sequence[str] | None = None) -> None:
 
     """
     options = make_parser().parse_args(arguments)
-    from cfd_pneumatic.path import (
-        PREVIEW_FILES,
-        IdentifiedDevice,
-        PlanErrors,
-        Regulators,
-        SetpointRange,
-        Task,
-        preview_force,
-        print_preview,
-        read_path,
-        write_preview,
-    )
+    from cfd_pneumatic.path import PREVIEW_FILES, IdentifiedDevice, force_on_path, print_preview, read_path
     from cfd_pneumatic.terminal import terminal
 
     PREVIEW_FILES.check(options.output, overwrite=options.overwrite)
-    course = read_path(options.path, joint=options.joint, axis=options.axis, topic=options.topic)
-    identified = IdentifiedDevice.load(options.device)
-    low, high = options.range or (0.0, identified.device.number('supply_pressure'))
-    task = Task(
+    preview = force_on_path(
+        IdentifiedDevice.load(options.device),
+        read_path(options.path, joint=options.joint, axis=options.axis, topic=options.topic),
         force=options.force,
-        feed=options.feed,
         tolerance=None if options.tolerance is None else _tolerance(options.tolerance, options.force),
-        bias=options.bias,
-        start=options.start,
-        errors=PlanErrors(options.scan_error, options.timing_error),
-        regulators=Regulators(SetpointRange(low, high), options.slew, options.rate),
-        hold=options.hold,
+        limits=options.range,
+        **{name: getattr(options, name) for name in _PASSED_ON},
     )
-    preview = preview_force(identified, course, task)
-    files = write_preview(preview, options.output, overwrite=options.overwrite)
+    files = preview.save(options.output, overwrite=options.overwrite)
     print_preview(preview, terminal())
     print(f'written: {", ".join(map(str, files))}')
 
@@ -134,7 +119,6 @@ def make_parser() -> argparse.ArgumentParser:
     hold.add_argument(
         '--slew',
         type=program.quantity('pressure', per_second=True),
-        default=math.inf,
         metavar='PA/S',
         help='largest rate of a set-point [Pa/s] (default: not limited)',
     )

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from cfd_pneumatic.path.band import PlanErrors
     from cfd_pneumatic.path.console import print_preview
     from cfd_pneumatic.path.files import FILES as PREVIEW_FILES
-    from cfd_pneumatic.path.files import write_preview
+    from cfd_pneumatic.path.files import schedule_text
+    from cfd_pneumatic.path.force_on_path import ForceOnPath, force_on_path
     from cfd_pneumatic.path.hold import Regulators
     from cfd_pneumatic.path.identified import IdentifiedDevice
     from cfd_pneumatic.path.inputs import read_path

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.path.identified import IdentifiedDevice
 from cfd_pneumatic.path.motion import PathMotion
 from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, delayed
@@ -30,10 +32,21 @@ class PlanErrors:
     timing
         Error of the time at which the robot is at a position [s].
 
+    Raises
+    ------
+    InputError
+        If an error is negative.
+
     """
 
     scan: float = 0.0
     timing: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the errors."""
+        for name, error in (('scan', self.scan), ('timing', self.timing)):
+            if not (math.isfinite(error) and error >= 0.0):
+                raise InputError(f'the {name} error must be 0 or above, is {error:g}')
 
 
 def force_variances(

@@ -22,12 +22,14 @@ from scipy.sparse.linalg import splu
 from cfd_pneumatic.arrays import Array, rms
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device
+from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.model import PRESSURE_PARTS, slowest
 from cfd_pneumatic.path.prediction import Prediction
 from cfd_pneumatic.path.setpoints import SetpointRange
 from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, delayed
 from cfd_pneumatic.path.thresholds import (
     CHANGE,
+    FASTEST_RATE,
     LATEST,
     LEAST_GAIN,
     LONGEST_RESPONSE,
@@ -47,21 +49,38 @@ class Regulators:
     ----------
     range
         Lowest and highest gauge set-point [Pa].
-    slew
-        Largest rate of a set-point [Pa/s].
     rate
         Rate at which set-points are commanded [Hz].
+    slew
+        Largest rate of a set-point [Pa/s]; None if it is not limited.
+
+    Raises
+    ------
+    InputError
+        If a limit is not positive, or the range is empty.
 
     """
 
     range: SetpointRange
-    slew: float = math.inf
     rate: float = 50.0
+    slew: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the limits."""
+        if not self.range.low < self.range.high:
+            raise InputError(
+                f'the range of the regulators must have the lower set-point first, is {self.range.low:g} to '
+                f'{self.range.high:g} Pa'
+            )
+        if not 0.0 < self.rate <= FASTEST_RATE:
+            raise InputError(f'the rate of set-points must be above 0 and at most {FASTEST_RATE:g} Hz, is {self.rate:g}')
+        if self.slew is not None and not self.slew > 0.0:
+            raise InputError(f'the largest rate of a set-point must be above 0, is {self.slew:g} Pa/s')
 
     def limited(self, levels: Array) -> Array:
         """Return set-points within the range and the slew rate, each (n,) [Pa]; a steep change begins earlier."""
         within = np.clip(levels, self.range.low, self.range.high)
-        if math.isinf(self.slew):
+        if self.slew is None:
             return within
         step = self.slew / self.rate
         after, before = within.copy(), within.copy()

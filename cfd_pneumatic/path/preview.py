@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -57,6 +58,13 @@ class Task:
     errors: PlanErrors = PlanErrors()
     regulators: Regulators = Regulators(SetpointRange(0.0, SUPPLY_PRESSURE))
     hold: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the wanted force and the tolerance."""
+        if not (math.isfinite(self.force) and self.force != 0.0):
+            raise InputError(f'the wanted force must be a finite number other than 0, is {self.force:g} N')
+        if self.tolerance is not None and not self.tolerance > 0.0:
+            raise InputError(f'the tolerance must be above 0, is {self.tolerance:g} N')
 
 
 @dataclass(frozen=True)

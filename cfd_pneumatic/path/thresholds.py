@@ -67,6 +67,12 @@ FEED_TOLERANCE = 0.01
 
 # Set-points that hold the force: hold.py
 
+FASTEST_RATE = 250.0
+"""
+Fastest rate of set-points [Hz].
+Origin: half of the rate of the grid, and ten times that of the regulators.
+"""
+
 MOST_ITERATIONS = 8
 """Most iterations of the inversion of the model [1]. Origin: the error falls by a factor of ten in the first two."""
 
