@@ -78,7 +78,7 @@ def _variance_of_parameters(
     simulator: PathSimulator, identified: IdentifiedDevice, setpoints: Setpoints, response: PathResponse
 ) -> Array:
     variance = np.zeros_like(response.force)
-    for values in identified.deviations():
+    for _, values in identified.deviations():
         changed = simulator.simulate(identified.device.with_values(values), setpoints)
         variance += (changed.force - response.force) ** 2
     return variance

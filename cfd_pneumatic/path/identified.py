@@ -28,4 +28,4 @@ class IdentifiedDevice:
         return cls(Device.load(path / 'parameters.yaml' if path.is_dir() else path))
 
     def deviations(self):
-        return [{name: tuple(1.02 * v for v in self.device.value(name))} for name in ('cylinder_a.k_x', 'cylinder_a.k_sv', 'cylinder_a.k_v', 'cylinder_b.k_x')]
+        return [('', {name: tuple(1.02 * v for v in self.device.value(name))}) for name in ('cylinder_a.k_x', 'cylinder_a.k_sv', 'cylinder_a.k_v', 'cylinder_b.k_x')]
