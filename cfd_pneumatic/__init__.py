@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.device import Device
     from cfd_pneumatic.errors import InputError
     from cfd_pneumatic.identification import Decay, decay_of
+    from cfd_pneumatic.path import PathMotion, Surface
     from cfd_pneumatic.planning import Limits, Plan, Sensing, plan
     from cfd_pneumatic.recording import (
         CylinderSignals,
@@ -36,11 +37,13 @@ __all__ = [
     'Device',
     'InputError',
     'Limits',
+    'PathMotion',
     'Plan',
     'Recording',
     'Result',
     'Sensing',
     'Signal',
+    'Surface',
     'decay_of',
     'identify',
     'plan',

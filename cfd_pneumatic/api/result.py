@@ -15,6 +15,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification import AUTO, FRACTIONS, Identification, Options, PartError, tolerance_from
 from cfd_pneumatic.identification import identify as identified
 from cfd_pneumatic.lazy import lazy_property
+from cfd_pneumatic.path import ForceOnPath, IdentifiedDevice, PathMotion, Surface, force_on_path
 from cfd_pneumatic.recording import Recording
 from cfd_pneumatic.reporting import print_report, report_data, report_page, write_report
 from cfd_pneumatic.terminal import printed
@@ -140,6 +141,28 @@ class Result:
         check_path('folder', folder)
         check_switches(full=full, overwrite=overwrite)
         return write_report(self.identification, Path(folder), full=full, overwrite=overwrite).files
+
+    def force_on_path(self, path: Surface | PathMotion | Path | str, *, force: float, **options: Any) -> ForceOnPath:
+        """
+        Predict the contact force of the identified device along a path, and optionally the set-points that hold it.
+
+        Parameters
+        ----------
+        path
+            Error of a surface, motion of the piston over time, or a file with one of them.
+        force
+            Wanted contact force [N].
+        **options
+            Options of `Device.force_on_path`: `feed`, `tolerance`, `hold` and others.
+
+        Raises
+        ------
+        InputError
+            If an argument is invalid, the path cannot be read or is outside of the stroke, or the regulators cannot
+            give the force.
+
+        """
+        return force_on_path(IdentifiedDevice.of_identification(self.identification), path, force=force, **options)
 
     def plot(self, recording: int = 0) -> list[Axes]:
         """

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from cfd_pneumatic.arguments import check_number, check_path, check_switches, check_type
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS
@@ -29,6 +30,9 @@ from cfd_pneumatic.model import (
 )
 from cfd_pneumatic.recording import Recording
 
+if TYPE_CHECKING:
+    from cfd_pneumatic.path import ForceOnPath, PathMotion, Surface
+
 _LEAST_SETPOINT = 100.0
 """Gauge set-point below which no regulator works [Pa]: a smaller number is in bar or psi."""
 
@@ -44,6 +48,8 @@ class Device:
         Parameters by name in `DESCRIPTORS`; the others have their defaults [SI].
     notes
         Comments in the parameter file by name of the parameter, for people.
+    source
+        The parameter file of the device; None if the device is from no file, or was changed.
 
     Raises
     ------
@@ -54,6 +60,7 @@ class Device:
 
     given: Mapping[str, Value]
     notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+    source: Path | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         """Check every value."""
@@ -91,7 +98,7 @@ class Device:
                 f'{path} describes neither cylinder_a nor cylinder_b: give a parameters.yaml of identify_bag'
             )
         try:
-            return cls(given)
+            return cls(given, source=path)
         except InputError as error:
             raise InputError(f'{path}: {error}') from error
 
@@ -134,7 +141,7 @@ class Device:
 
     def with_values(self, values: Mapping[str, Value]) -> Device:
         """Return the device with changed parameters."""
-        return replace(self, given={**self.given, **values})
+        return replace(self, given={**self.given, **values}, source=None)
 
     @lazy_property
     def model(self) -> DeviceModel:
@@ -238,6 +245,64 @@ class Device:
         if raw:
             return simulation.simulate_live(self.model, recording, constant)
         return simulation.simulate_smoothed(self.model, recording, constant, measured_pressures)
+
+    def force_on_path(
+        self,
+        path: Surface | PathMotion | Path | str,
+        *,
+        force: float,
+        feed: float | None = None,
+        tolerance: float | None = None,
+        scan_error: float = 0.0,
+        timing_error: float = 0.0,
+        hold: bool = False,
+        **options: Any,
+    ) -> ForceOnPath:
+        """
+        Predict the contact force along a path, and optionally the set-points that hold it.
+
+        A device that was loaded from the folder of `identify_bag` has the uncertainty of its identification in the
+        band; of a result use `Result.force_on_path`.
+
+        Parameters
+        ----------
+        path
+            Error of a surface, motion of the piston over time, or a file with one of them.
+        force
+            Wanted contact force [N].
+        feed
+            Speed along a surface [m/s].
+        tolerance
+            Largest accepted force error [N].
+        scan_error
+            Standard deviation of the error of the surface [m].
+        timing_error
+            Standard deviation of the time at which the robot is at a position [s].
+        hold
+            Whether to compute set-points over time that hold the force.
+        **options
+            Further options of `cfd_pneumatic.path.force_on_path`: `bias`, `start`, `rate`, `slew`, `limits`.
+
+        Raises
+        ------
+        InputError
+            If an argument is invalid, the path cannot be read or is outside of the stroke, or the regulators cannot
+            give the force.
+
+        """
+        from cfd_pneumatic.path import IdentifiedDevice, force_on_path  # the layer above, for the user's convenience
+
+        return force_on_path(
+            IdentifiedDevice.of_device(self),
+            path,
+            force=force,
+            feed=feed,
+            tolerance=tolerance,
+            scan_error=scan_error,
+            timing_error=timing_error,
+            hold=hold,
+            **options,
+        )
 
     def constant_setpoints(self, recording: Recording, chosen: Mapping[str, float]) -> dict[str, float]:
         """Return the chosen gauge set-points, and the initial ones of cylinders without a recorded set-point [Pa]."""

@@ -10,7 +10,7 @@ from cfd_pneumatic import __version__
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.charts import Chart, Curve, Panel, plot_scripts
 from cfd_pneumatic.path.prediction import Prediction
-from cfd_pneumatic.path.preview import Preview
+from cfd_pneumatic.path.preview import Held, Preview
 from cfd_pneumatic.path.simulation import acting_at
 from cfd_pneumatic.path.texts import answers
 from cfd_pneumatic.reporting import rendered
@@ -33,6 +33,7 @@ def preview_page(preview: Preview) -> str:
         answers=answers(preview),
         notes=preview.notes,
         chart=preview_chart(preview),
+        has_tolerance=preview.task.tolerance is not None,
         has_schedule=preview.held is not None,
     )
 
@@ -58,13 +59,17 @@ def preview_chart(preview: Preview) -> Chart:
             Curve(x, 1e-3 * acting_at(level, times), colour, name=name.replace('_', ' '))
             for (name, level), colour in zip(held.prediction.setpoints.items(), (HELD, CONSTANT))
         ]
-        panels.append(Panel('held set-points, gauge [kPa]', 150, setpoints))
+        panels.append(Panel(f'held set-points, gauge, {_setpoint_names(held)} [kPa]', 150, setpoints))
     label = 'Displacement, predicted contact force with its 95 % band, and set-points along the path.'
     return Chart(panels, (float(x[0]), float(x[-1])), axis, label, label)
 
 
+def _setpoint_names(held: Held) -> str:
+    return ', '.join(f'{name} {colour}' for name, colour in zip(held.prediction.setpoints, ('blue', 'orange')))
+
+
 def _force_title(preview: Preview) -> str:
-    names = 'constant set-points' if preview.held is None else 'constant and held set-points'
+    names = 'constant set-points' if preview.held is None else 'constant set-points orange, held set-points blue'
     return f'contact force with 95 % band, {names} [N]'
 
 

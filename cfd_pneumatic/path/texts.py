@@ -40,11 +40,11 @@ def _path_text(preview: Preview) -> str:
     path = preview.constant.path
     speed = float(np.max(np.abs(path.speed_at(path.grid))))
     travel = 1e3 * float(np.ptp(path.displacement))
-    motion = f'The piston moves by {number(travel, 3)} mm, at up to {number(1e3 * speed, 2)} mm/s.'
+    motion = f'The piston moves by {travel:.3g} mm, at up to {number(1e3 * speed, 2)} mm/s.'
     if path.along is None or preview.task.feed is None:
-        return f'{number(path.duration, 3)} s. {motion}'
+        return f'{path.duration:.3g} s. {motion}'
     length, feed = 1e3 * float(path.along[-1]), 1e3 * preview.task.feed
-    return f'{number(length, 4)} mm in {number(path.duration, 3)} s, at a feed of {number(feed, 3)} mm/s. {motion}'
+    return f'{length:.4g} mm in {path.duration:.3g} s, at a feed of {feed:.3g} mm/s. {motion}'
 
 
 def _levels_text(preview: Preview) -> str:
@@ -64,7 +64,7 @@ def _error_text(prediction: Prediction) -> str:
 def _tolerance_text(prediction: Prediction) -> str:
     if prediction.tolerance is None:
         return ''
-    kept = f'± {number(prediction.tolerance, 3)} N'
+    kept = f'± {prediction.tolerance:.3g} N'
     certain = [violation for violation in prediction.violations if violation.is_certain]
     possible = [violation for violation in prediction.violations if not violation.is_certain]
     if not prediction.violations:
@@ -100,11 +100,11 @@ def _feed_text(preview: Preview) -> str:
     if feed is None or tolerance is None:
         return ''
     if feed.predicted is None:
-        return f'No feed keeps ± {number(tolerance, 3)} N with these set-points.'
-    predicted = f'{number(1e3 * feed.predicted, 3)} mm/s keep the tolerance as predicted'
+        return f'No feed keeps ± {tolerance:.3g} N with these set-points.'
+    predicted = f'{1e3 * feed.predicted:.3g} mm/s keep the tolerance as predicted'
     if feed.with_band is None:
         return f'{predicted}; no feed keeps it within the whole band.'
-    return f'{predicted}, {number(1e3 * feed.with_band, 3)} mm/s within the whole band.'
+    return f'{predicted}, {1e3 * feed.with_band:.3g} mm/s within the whole band.'
 
 
 def _causes_text(preview: Preview) -> str:
