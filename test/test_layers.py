@@ -18,10 +18,11 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'cfd_pneumatic'
 
 BELOW = {
-    'api': {'planning', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
+    'api': {'path', 'planning', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'nodes': {
         'commands',
         'monitoring',
+        'path',
         'planning',
         'plant',
         'reporting',
@@ -34,6 +35,7 @@ BELOW = {
     },
     'commands': {
         'monitoring',
+        'path',
         'planning',
         'plant',
         'reporting',
@@ -44,6 +46,7 @@ BELOW = {
         'model',
         'rig',
     },
+    'path': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'planning': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'plant': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'monitoring': {'reporting', 'device', 'identification', 'recording', 'messages', 'model'},

@@ -36,5 +36,6 @@ if TYPE_CHECKING:
     from cfd_pneumatic.messages.form import NANOSECOND, SECOND, Form
     from cfd_pneumatic.messages.layout import Layout, LayoutError, Place, Serialization
     from cfd_pneumatic.messages.types import NANOSECONDS, obvious_field, standard_types, types_with
+    from cfd_pneumatic.messages.whole import LARGEST_MESSAGE, decode_whole
 else:
     __getattr__ = loader_of(__name__)

@@ -180,6 +180,11 @@ class Definitions:
         return self._parsed[text, msgtype]
 
 
+def has_same_fields(types: Typestore, reference: Typestore, msgtype: str) -> bool:
+    """Return whether two stores define a message, and all messages inside it, with the same fields."""
+    return _fields_by_type(types, msgtype) == _fields_by_type(reference, msgtype)
+
+
 class _BoundedParser:
     """A rosbags parser with limits: rosbags can parse a short text for hours."""
 

@@ -160,10 +160,10 @@ def preview_force(identified: IdentifiedDevice, course: Surface | PathMotion, ta
 def _motion(course: Surface | PathMotion, feed: float | None) -> PathMotion:
     if isinstance(course, PathMotion):
         if feed is not None:
-            raise InputError('--feed is for a surface, but the path is given over time. Leave --feed out')
+            raise InputError('a feed is for a surface, but the path is given over time. Leave the feed out')
         return course
     if feed is None:
-        raise InputError('the path is given as the error of a surface, so that --feed is needed, in m/s')
+        raise InputError('the path is given as the error of a surface, which needs a feed in m/s. Add --feed')
     return course.at_feed(feed)
 
 
@@ -172,7 +172,7 @@ def _placed(path: PathMotion, identified: IdentifiedDevice, start: float | None,
     stroke = identified.device.identified_range.displacement
     low, high = float(np.min(path.displacement)), float(np.max(path.displacement))
     if not is_surface and start is not None:
-        raise InputError('--start is for a surface, but the path is given over time. Leave --start out')
+        raise InputError('a start is for a surface, but the path is given over time. Leave the start out')
     if stroke is None:
         return path if start is None else path.shifted(start)
     if is_surface:
@@ -235,7 +235,7 @@ def _held(
 
 def _notes(identified: IdentifiedDevice, path: PathMotion) -> list[str]:
     """Return the limits of a preview, as sentences."""
-    notes = []
+    notes = list(path.notes)
     known = identified.device.identified_range
     if not identified.covariances:
         notes.append(

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
         BagWriter,
         StorageName,
         Stream,
+        Topic,
         check_bag,
     )
+    from cfd_pneumatic.recording.displacement import read_displacement
     from cfd_pneumatic.recording.dropouts import is_noisy
     from cfd_pneumatic.recording.gaps import split_at_gaps
     from cfd_pneumatic.recording.mapping import (
@@ -37,11 +39,13 @@ if TYPE_CHECKING:
         ChannelMapping,
         read_mapping,
     )
-    from cfd_pneumatic.recording.message_texts import count_of
+    from cfd_pneumatic.recording.message_texts import count_of, listed
     from cfd_pneumatic.recording.reading import read_recording
     from cfd_pneumatic.recording.recording import Recording
     from cfd_pneumatic.recording.sampled_signals import recording_of, sampled
     from cfd_pneumatic.recording.signals import ABSOLUTE, GAUGE, CylinderSignals, Signal
+    from cfd_pneumatic.recording.table_rows import bounded_lines, encoding_of
+    from cfd_pneumatic.recording.topics import list_topics
     from cfd_pneumatic.recording.writing import stamps_of, streams_of, write_recording
 else:
     __getattr__ = loader_of(__name__)

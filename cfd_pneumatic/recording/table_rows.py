@@ -21,6 +21,8 @@ from cfd_pneumatic.recording.table_format import CHECK, TableFormat
 _LONGEST_LINE = 2**24
 """Longest line of a table [characters]."""
 
+_NO_TEXT = 'is not a text file, and the mapping is for tables'
+
 _LONGEST_NAME = 40
 """Characters of a column's name that are compared."""
 
@@ -47,9 +49,9 @@ def columns_of(
     """Return the positions of the signals' columns, from 0 on, and the names of all columns in the header."""
     try:
         with TextIOWrapper(open_input(path), encoding, newline='') as stream:
-            head = list(islice(_lines(stream), layout.header_rows + 1))
+            head = list(islice(bounded_lines(stream), layout.header_rows + 1))
     except UnicodeError as error:
-        raise InputError('is not a text file, and the mapping is for tables') from error
+        raise InputError(_NO_TEXT) from error
     if len(head) <= layout.header_rows:
         raise InputError('holds no samples')
     width = len(_split(head[-1], layout.delimiter))
@@ -97,14 +99,14 @@ class _NumberedLines:
     def __init__(self, stream: TextIO, notes: list[str], header_rows: int) -> None:
         self.number = header_rows
         self._stream, self._notes = stream, notes
-        for _ in islice(_lines(stream), header_rows):
+        for _ in islice(bounded_lines(stream), header_rows):
             pass
 
     def __iter__(self) -> Iterator[str]:
         return self
 
     def __next__(self) -> str:
-        for line in _lines(self._stream):
+        for line in bounded_lines(self._stream):
             self.number += 1
             if not line.endswith(('\n', '\r')) and line.strip() and not line.startswith('#'):
                 self._notes.append('the last row has no line end and may be cut: left out')
@@ -126,8 +128,16 @@ def _fields(lines: Iterator[str], delimiter: str | None) -> Iterator[list[str]]:
             yield fields
 
 
-def encoding_of(path: Path) -> str:
-    """Return the encoding of a text file, determined from its beginning."""
+def encoding_of(path: Path, refusal: str = _NO_TEXT) -> str:
+    """
+    Return the encoding of a text file, determined from its beginning.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read. The message is `refusal` if the file is not text.
+
+    """
     with open_input(path) as stream:
         head = stream.read(_HEAD)
     if head.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
@@ -140,7 +150,7 @@ def encoding_of(path: Path) -> str:
         getincrementaldecoder('utf-8')().decode(head)
     except UnicodeDecodeError as error:
         if re.search(rb'[\x00-\x08\x0e-\x1f\x7f-\x91\x93-\x9f]', head):
-            raise InputError('is not a text file, and the mapping is for tables') from error
+            raise InputError(refusal) from error
         return 'latin-1'
     return 'utf-8-sig'
 
@@ -153,10 +163,19 @@ def _names(line: str, layout: TableFormat) -> list[str]:
     return names
 
 
-def _lines(stream: TextIO) -> Iterator[str]:
-    while line := stream.readline(_LONGEST_LINE):
-        if len(line) == _LONGEST_LINE:
-            raise InputError(f'has a line of more than {_LONGEST_LINE:,} characters: is it a table?')
+def bounded_lines(stream: TextIO, longest: int = _LONGEST_LINE) -> Iterator[str]:
+    """
+    Yield the lines of a text file.
+
+    Raises
+    ------
+    InputError
+        If a line has `longest` characters or more.
+
+    """
+    while line := stream.readline(longest):
+        if len(line) == longest:
+            raise InputError(f'has a line of more than {longest:,} characters: is it a table?')
         yield line
 
 

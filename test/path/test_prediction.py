@@ -186,7 +186,7 @@ def test_a_leak_costs_air():
     ('options', 'message'),
     [
         ({'feed': 0.0}, 'must be a positive speed'),
-        ({'feed': None}, '--feed is needed'),
+        ({'feed': None}, 'which needs a feed'),
         ({'force': 0.0}, 'other than 0'),
         ({'force': 5e3}, 'the regulators reach'),
         ({'tolerance': -1.0}, 'tolerance must be above 0'),
