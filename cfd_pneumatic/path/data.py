@@ -30,11 +30,12 @@ def preview_data(preview: Preview) -> dict[str, Any]:
         'answers': dict(answers(preview)),
         'notes': list(preview.notes),
         'setpoints_pa': dict(preview.levels),
-        'fastest_feed_m_per_s': None
-        if feed is None
-        else {'predicted': feed.predicted, 'within_band': feed.with_band},
+        'fastest_feed_m_per_s': None if feed is None else {'predicted': feed.predicted, 'within_band': feed.with_band},
         'causes': {
-            'per_speed_n_s_per_m': {'forward': preview.causes.per_speed.growing, 'back': preview.causes.per_speed.shrinking},
+            'per_speed_n_s_per_m': {
+                'forward': preview.causes.per_speed.growing,
+                'back': preview.causes.per_speed.shrinking,
+            },
             'rms_n': {
                 'gains': preview.causes.gains,
                 'friction': preview.causes.friction,
@@ -45,11 +46,7 @@ def preview_data(preview: Preview) -> dict[str, Any]:
         'constant': _prediction_data(preview.constant),
         'held': None
         if held is None
-        else {
-            **_prediction_data(held.prediction),
-            'latest_arrival_s': held.latest,
-            'is_promised': held.is_promised,
-        },
+        else {**_prediction_data(held.prediction), 'latest_arrival_s': held.latest, 'is_promised': held.is_promised},
         'time_s': times.tolist(),
         'along_m': None if along is None else along.tolist(),
         'displacement_m': path.displacement_at(times).tolist(),

@@ -73,7 +73,9 @@ class Regulators:
                 f'{self.range.high:g} Pa'
             )
         if not 0.0 < self.rate <= FASTEST_RATE:
-            raise InputError(f'the rate of set-points must be above 0 and at most {FASTEST_RATE:g} Hz, is {self.rate:g}')
+            raise InputError(
+                f'the rate of set-points must be above 0 and at most {FASTEST_RATE:g} Hz, is {self.rate:g}'
+            )
         if self.slew is not None and not self.slew > 0.0:
             raise InputError(f'the largest rate of a set-point must be above 0, is {self.slew:g} Pa/s')
 
@@ -209,9 +211,7 @@ class _Inversion:
         """Return the time in which the response of a pressure to its set-point ends [s]."""
         cylinder = self._device.model.cylinders[name]
         gains = cylinder.parameters.table[:, 1:]
-        delays = sum(
-            values[0] for effect, values in cylinder.effects.items() if PRESSURE_PARTS[effect].is_of_command
-        )
+        delays = sum(values[0] for effect, values in cylinder.effects.items() if PRESSURE_PARTS[effect].is_of_command)
         settling = SETTLING_TIME_CONSTANTS * max(slowest(row) for row in gains)
         return min(settling + SETTLING_TIME_CONSTANTS * delays, LONGEST_RESPONSE)
 

@@ -1,9 +1,11 @@
 from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 from pathlib import Path
-from cfd_pneumatic.device import Device, Value
+from typing import NamedTuple
+
+from cfd_pneumatic.device import Device
 
 
 class ModelError(NamedTuple):
@@ -28,4 +30,7 @@ class IdentifiedDevice:
         return cls(Device.load(path / 'parameters.yaml' if path.is_dir() else path))
 
     def deviations(self):
-        return [('', {name: tuple(1.02 * v for v in self.device.value(name))}) for name in ('cylinder_a.k_x', 'cylinder_a.k_sv', 'cylinder_a.k_v', 'cylinder_b.k_x')]
+        return [
+            ('', {name: tuple(1.02 * v for v in self.device.value(name))})
+            for name in ('cylinder_a.k_x', 'cylinder_a.k_sv', 'cylinder_a.k_v', 'cylinder_b.k_x')
+        ]

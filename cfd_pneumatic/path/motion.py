@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from cfd_pneumatic.arrays import Array, Mask
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.lazy import lazy_property
-from cfd_pneumatic.path.thresholds import LONGEST_PATH, PERIOD, REST
+from cfd_pneumatic.path.thresholds import PERIOD, REST
 
 MOST_POINTS = 2_000_000
 """Number of points of a path: more than half an hour at 1 kHz."""
@@ -54,7 +54,7 @@ class Surface:
         Raises
         ------
         InputError
-            If the feed is not a positive number, or the path takes too long at this feed.
+                If the feed is not a positive number.
 
         """
         if not (np.isfinite(feed) and feed > 0.0):
@@ -81,8 +81,7 @@ class PathMotion:
     Raises
     ------
     InputError
-        If there are fewer than two points, the numbers are not as described, or the path takes longer than
-        `LONGEST_PATH`.
+        If there are fewer than two points, or the numbers are not as described.
 
     """
 
@@ -95,11 +94,6 @@ class PathMotion:
         """Check the arrays."""
         along = {} if self.along is None else {'the position along the path': self.along}
         _check_series('the time', self.times, {'the displacement': self.displacement, **along})
-        if self.duration > LONGEST_PATH:
-            raise InputError(
-                f'the path takes {self.duration:.0f} s, but {LONGEST_PATH:.0f} s are the longest that is simulated. '
-                'Split the path, or choose a faster feed'
-            )
 
     @property
     def duration(self) -> float:
@@ -110,7 +104,7 @@ class PathMotion:
     def grid(self) -> Array:
         """Even times of a simulation, with a rest before time 0 and after the path, shape (m,) [s]."""
         before, after = (int(np.ceil(span / PERIOD)) for span in (REST, self.duration + REST))
-        return PERIOD * np.arange(-before, after + 1)
+        return np.asarray(PERIOD * np.arange(-before, after + 1)
 
     @lazy_property
     def is_on_path(self) -> Mask:

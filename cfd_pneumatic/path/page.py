@@ -79,4 +79,3 @@ def _force_curves(x: Array, prediction: Prediction, colour: str, name: str) -> I
     yield Curve(x, force - half, colour, 0.5, name=f'{name}, lower end of the band')
     yield Curve(x, force + half, colour, 0.5, name=f'{name}, upper end of the band')
     yield Curve(x, force, colour, 1.6, name=name)
-

@@ -21,7 +21,7 @@ from cfd_pneumatic.path.motion import PathMotion, Surface
 from cfd_pneumatic.path.prediction import Prediction, predict
 from cfd_pneumatic.path.setpoints import SetpointRange, centred_setpoints, check_force, usual_bias
 from cfd_pneumatic.path.simulation import PathSimulator
-from cfd_pneumatic.path.thresholds import LARGEST_EXCESS
+from cfd_pneumatic.path.thresholds import LARGEST_EXCESS, LONGEST_PATH
 
 
 @dataclass(frozen=True)
@@ -158,6 +158,17 @@ def preview_force(identified: IdentifiedDevice, course: Surface | PathMotion, ta
 
 
 def _motion(course: Surface | PathMotion, feed: float | None) -> PathMotion:
+    """Return the motion of the piston; refuse a motion that takes too long to simulate."""
+    motion = _motion_of(course, feed)
+    if motion.duration > LONGEST_PATH:
+        raise InputError(
+            f'the path takes {motion.duration:.0f} s, but {LONGEST_PATH:.0f} s are the longest that is simulated. '
+            'Split the path, or choose a faster feed'
+        )
+    return motion
+
+
+def _motion_of(course: Surface | PathMotion, feed: float | None) -> PathMotion:
     if isinstance(course, PathMotion):
         if feed is not None:
             raise InputError('a feed is for a surface, but the path is given over time. Leave the feed out')
@@ -227,9 +238,7 @@ def _held(
     prediction = predict(simulator, identified, setpoints, task.force, task.tolerance, task.errors)
     largest = float(np.hypot(prediction.rms_error, prediction.rms_band))
     return Held(
-        prediction,
-        latest_arrival(simulator, identified.device, prediction, constant),
-        largest < constant.rms_error,
+        prediction, latest_arrival(simulator, identified.device, prediction, constant), largest < constant.rms_error
     )
 
 
@@ -249,7 +258,5 @@ def _notes(identified: IdentifiedDevice, path: PathMotion) -> list[str]:
             f'{1e3 * known.speed:.3g} mm/s. Faster parts of the path are not tested.'
         )
     if identified.device.not_identifiable:
-        notes.append(
-            f'Not identified, and assumed as in the fit: {", ".join(identified.device.not_identifiable)}.'
-        )
+        notes.append(f'Not identified, and assumed as in the fit: {", ".join(identified.device.not_identifiable)}.')
     return notes

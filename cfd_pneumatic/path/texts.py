@@ -31,7 +31,10 @@ def _answers(preview: Preview) -> Iterator[tuple[str, str]]:
     yield 'Tolerance', _tolerance_text(constant)
     yield 'Fastest feed', _feed_text(preview)
     yield 'Causes', _causes_text(preview)
-    yield 'Air', f'{number(_LITRES_PER_MINUTE * preview.air, 2)} l/min (ANR), without what the regulators bleed at rest.'
+    yield (
+        'Air',
+        f'{number(_LITRES_PER_MINUTE * preview.air, 2)} l/min (ANR), without what the regulators bleed at rest.',
+    )
     if preview.held is not None:
         yield 'Held force', _held_text(preview.held, constant)
 

@@ -25,9 +25,7 @@ DEAD_TIME = KNOWN.with_values(
 
 
 def held(device=KNOWN, **options):
-    return force_on_path(
-        IdentifiedDevice.of_device(device), surface(), force=20.0, feed=0.1, hold=True, **options
-    )
+    return force_on_path(IdentifiedDevice.of_device(device), surface(), force=20.0, feed=0.1, hold=True, **options)
 
 
 @pytest.mark.parametrize('device', [KNOWN, DEAD_TIME], ids=['direct', 'late command'])
