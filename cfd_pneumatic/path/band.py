@@ -117,4 +117,4 @@ def _variance_of_timing(
     if not any(isinstance(level, Signal) for level in setpoints.values()):
         return variance
     shifted = [simulator.simulate(device, delayed(setpoints, delay)).force for delay in (-timing_error, timing_error)]
-    return np.mean([(force - response.force) ** 2 for force in shifted], axis=0)
+    return np.asarray(np.mean([(force - response.force) ** 2 for force in shifted], axis=0))

@@ -104,7 +104,7 @@ class PathMotion:
     def grid(self) -> Array:
         """Even times of a simulation, with a rest before time 0 and after the path, shape (m,) [s]."""
         before, after = (int(np.ceil(span / PERIOD)) for span in (REST, self.duration + REST))
-        return np.asarray(PERIOD * np.arange(-before, after + 1)
+        return np.asarray(PERIOD * np.arange(-before, after + 1))
 
     @lazy_property
     def is_on_path(self) -> Mask:
