@@ -124,11 +124,11 @@ def _last_message(bag: Bag, topic: Topic) -> tuple[Any, tuple[str, ...]]:
 
 
 def _surface_of(message: Any, axis: str, notes: tuple[str, ...]) -> Surface:
-    """Return the surface in a nav_msgs/Path: its coordinate along an axis, over the way across the axis."""
+    """Return the surface in a nav_msgs/Path: its coordinate along an axis over the distance across the axis."""
     if not message.poses:
         raise InputError('its last message has no poses: publish a path')
-    frames = {pose.header.frame_id for pose in message.poses} - {'', message.header.frame_id}
-    if frames:
+    frames = {message.header.frame_id, *(pose.header.frame_id for pose in message.poses)} - {''}
+    if len(frames) > 1:
         raise InputError(f'has poses in several frames ({listed(sorted(frames))}): transform them to a single frame')
     points = np.array([(pose.pose.position.x, pose.pose.position.y, pose.pose.position.z) for pose in message.poses])
     height = points[:, AXES.index(axis)]

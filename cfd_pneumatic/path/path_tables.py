@@ -152,7 +152,7 @@ def _find_column(names: Sequence[str], wanted: str) -> _Column:
     columns = [_Column(position, name, units[name]) for position, name in enumerate(names) if name in units]
     if not columns:
         unknown = next(name for name in names if name.startswith(f'{wanted}_'))
-        raise InputError(f'has the column {quoted(unknown)}, which is none of {", ".join(units)}: name its unit')
+        raise InputError(f'has the column {quoted(unknown)} of unknown unit: name it one of {", ".join(units)}')
     if len(columns) > 1:
         found = listed([column.name for column in columns])
         raise InputError(f'has {len(columns)} columns of {wanted} ({found}): remove all but one')

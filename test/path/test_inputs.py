@@ -118,8 +118,14 @@ REFUSED = {
     'half a head': ('along_m,displacement_mm\n1,2\n', 'has the head “along_m, displacement_mm”'),
     'head with an open quote': ('"along_m,error_mm\n1,2\n', 'has the head “along_m,error_mm”'),
     'no unit': ('along,error\n1,2\n', 'has the head “along, error”'),
-    'unknown unit': ('along_furlong,error_mm\n1,2\n', 'column “along_furlong”, which is none of along_m, along_cm'),
-    'other quantity': ('time_s,displacement_Pa\n1,2\n', 'column “displacement_Pa”, which is none of displacement_m'),
+    'unknown unit': (
+        'along_furlong,error_mm\n1,2\n',
+        'column “along_furlong” of unknown unit: name it one of along_m, along_cm',
+    ),
+    'other quantity': (
+        'time_s,displacement_Pa\n1,2\n',
+        'column “displacement_Pa” of unknown unit: name it one of displacement_m',
+    ),
     'column twice': ('along_m,error_mm,along_mm\n1,2,3\n', r'has 2 columns of along \(along_m, along_mm\)'),
     'name twice': ('along_m,error_mm,error_mm\n1,2,3\n', r'has 2 columns of error \(error_mm, error_mm\)'),
     'both': ('along_m,error_mm,time_s,displacement_m\n1,2,3,4\n', 'columns of a surface .* and of a motion'),
@@ -220,6 +226,13 @@ def test_a_planned_path_is_a_surface(tmp_path, axis, along, error):
     assert found.notes == ()
 
 
+@pytest.mark.parametrize('frames', [('', ''), ('', 'tool'), ('tool', ''), ('tool', 'tool')])
+def test_a_frame_need_not_be_repeated(tmp_path, frames):
+    plan = planned_path(ARC, frame=frames[0])
+    plan.header.frame_id = frames[1]
+    assert len(read_path(write_bag(tmp_path / 'bag', {'/plan': [plan]})).along) == len(ARC)
+
+
 def test_of_a_repeated_path_the_last_is_read(tmp_path):
     paths = [planned_path(factor * ARC) for factor in (1.0, 2.0, 3.0)]
     found = read_path(write_bag(tmp_path / 'bag', {'/plan': paths}))
@@ -298,7 +311,7 @@ PLANS = {
     'pose not finite': (planned_path([(0, 0, 0), (1, 0, np.nan)]), 'error of the surface is not finite at point 2'),
     'position not finite': (planned_path([(0, 0, 0), (np.inf, 0, 0)]), 'position .* is not finite at point 2'),
     'too far': (planned_path([(-1e308, 0, 0), (1e308, 0, 0)]), 'position .* is not finite at point 2'),
-    'poses of two frames': (planned_path(ARC, frame='tool'), r'several frames \(tool\)'),
+    'poses of two frames': (planned_path(ARC, frame='tool'), r'several frames \(base, tool\)'),
     'no points': (trajectory([], []), 'its last message has no points'),
     'no joints': (trajectory([0, 1], [[0.0], [1.0]], ()), 'name no joint'),
     'several joints': (trajectory([0], [[0.0, 1.0]], ('a', 'b')), 'several joints: choose with --joint one of a, b'),
