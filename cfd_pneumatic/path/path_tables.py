@@ -83,9 +83,18 @@ def read_path_table(path: Path) -> Surface | PathMotion:
 
 
 def _lines(stream: TextIOWrapper) -> Iterator[str]:
-    """Yield the lines of a table, with an empty line in place of a comment."""
+    """Yield the lines of a table, with an empty line in place of a comment; a head may be a comment."""
     for line in bounded_lines(stream, _LONGEST_LINE):
-        yield '\n' if line.lstrip().startswith('#') else line
+        if line.lstrip().startswith('#'):
+            content = line.lstrip(' \t#')
+            yield content if _is_head(content) else '\n'
+        else:
+            yield line
+
+
+def _is_head(line: str) -> bool:
+    """Return whether a line names the columns of a path, as NumPy's `savetxt` writes them in a comment."""
+    return any(kind.is_in(line.replace(delimiter, ' ').split()) for delimiter in _DELIMITERS for kind in _KINDS)
 
 
 def _read(lines: Iterator[str]) -> Surface | PathMotion:

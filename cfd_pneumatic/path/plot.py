@@ -20,7 +20,7 @@ def plot_preview(preview: Preview) -> list[Axes]:
     along = path.along_at(times)
     x = times if along is None else 1e3 * along
     rows = 2 if preview.held is None else 3
-    figure, grid = pyplot.subplots(rows, 1, sharex=True, squeeze=False, layout='constrained')
+    _, grid = pyplot.subplots(rows, 1, sharex=True, squeeze=False, layout='constrained')
     axes = list(grid[:, 0])
     axes[0].plot(x, 1e3 * path.displacement_at(times), color='black')
     axes[0].set_ylabel('displacement [mm]')

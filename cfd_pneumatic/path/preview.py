@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -55,8 +55,8 @@ class Task:
     tolerance: float | None = None
     bias: float | None = None
     start: float | None = None
-    errors: PlanErrors = PlanErrors()
-    regulators: Regulators = Regulators(SetpointRange(0.0, SUPPLY_PRESSURE))
+    errors: PlanErrors = field(default_factory=PlanErrors)
+    regulators: Regulators = field(default_factory=lambda: Regulators(SetpointRange(0.0, SUPPLY_PRESSURE)))
     hold: bool = False
 
     def __post_init__(self) -> None:

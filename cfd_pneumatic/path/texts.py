@@ -60,7 +60,8 @@ def _error_text(prediction: Prediction) -> str:
     place = place_text(prediction.path, float(prediction.path.grid[prediction.path.is_on_path][worst]))
     return (
         f'{number(prediction.rms_error, 2)} N (RMS), at most {number(abs(float(error[worst])), 2)} N at {place}. '
-        f'The 95 % band is ± {number(float(half[worst]), 2)} N there and ± {number(prediction.rms_band, 2)} N on average.'
+        f'The 95 % band is ± {number(float(half[worst]), 2)} N there '
+        f'and ± {number(prediction.rms_band, 2)} N on average.'
     )
 
 
@@ -115,8 +116,8 @@ def _causes_text(preview: Preview) -> str:
     growing, shrinking = (number(1e-3 * size, 2) for size in causes.per_speed)
     return (
         f'The force falls by {growing} N per mm/s while the piston moves along +x, and rises by {shrinking} N per mm/s '
-        f'while it moves back. On this path: gains {number(causes.gains, 2)} N, friction {number(causes.friction, 2)} N, '
-        f'leaks {number(causes.leaks, 2)} N (RMS).'
+        f'while it moves back. On this path: gains {number(causes.gains, 2)} N, '
+        f'friction {number(causes.friction, 2)} N, leaks {number(causes.leaks, 2)} N (RMS).'
     )
 
 

@@ -58,7 +58,8 @@ def test_limits_of_the_regulators_are_kept():
     slew, limits = 2e4, (40e3, 79e3)
     preview = held(slew=slew, limits=limits, rate=50.0)
     for level in preview.held.prediction.setpoints.values():
-        assert np.min(level.values) >= limits[0] and np.max(level.values) <= limits[1]
+        assert np.min(level.values) >= limits[0]
+        assert np.max(level.values) <= limits[1]
         assert np.max(np.abs(np.diff(level.values))) <= slew / 50.0 * (1.0 + 1e-9)
     assert preview.held.prediction.rms_error < preview.constant.rms_error
 

@@ -412,3 +412,10 @@ def test_arrays_that_are_no_path_are_refused(kind, base, value, pattern):
 def test_positions_of_a_motion_are_checked():
     with pytest.raises(InputError, match='the position along the path is not finite at point 1'):
         PathMotion(np.array([0.0, 1.0]), np.zeros(2), np.array([np.nan, 1.0]))
+
+
+def test_a_head_may_be_a_comment_as_numpy_writes_it(tmp_path):
+    table = np.column_stack([np.linspace(0.0, 0.1, 5), [0.0, 1e-4, 2e-4, 1e-4, 0.0]])
+    np.savetxt(tmp_path / 'surface.csv', table, delimiter=',', header='measured on Monday\nalong_m,error_m')
+    surface = read_path(tmp_path / 'surface.csv')
+    np.testing.assert_allclose(surface.error, table[:, 1])

@@ -139,7 +139,9 @@ def test_a_wrong_scan_widens_the_band_as_wrong_surfaces_do():
 def test_the_fastest_feed_keeps_the_tolerance_and_no_faster_feed_does():
     tolerance = 2.0
     feed = preview(tolerance=tolerance).feed
-    assert feed is not None and feed.predicted is not None and feed.with_band is not None
+    assert feed is not None
+    assert feed.predicted is not None
+    assert feed.with_band is not None
     levels = preview().levels
 
     def largest(at):
