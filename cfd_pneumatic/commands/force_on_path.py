@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -36,7 +36,7 @@ def preview_from_arguments(arguments: Sequence[str] | None = None) -> None:
         IdentifiedDevice.load(options.device),
         read_path(options.path, joint=options.joint, axis=options.axis, topic=options.topic),
         force=options.force,
-        tolerance=None if options.tolerance is None else _tolerance(options.tolerance, options.force),
+        tolerance=None if options.tolerance is None else options.tolerance(options.force),
         limits=options.range,
         **{name: getattr(options, name) for name in _PASSED_ON},
     )
@@ -45,11 +45,13 @@ def preview_from_arguments(arguments: Sequence[str] | None = None) -> None:
     print(f'written: {", ".join(map(str, files))}')
 
 
-def _tolerance(text: str, force: float) -> float:
-    """Return a tolerance [N] from a force, or from percent of the wanted force."""
+def _tolerance(text: str) -> Callable[[float], float]:
+    """Return the function that converts the wanted force to a tolerance [N], a force or percent of the wanted force."""
     if text.endswith('%'):
-        return abs(force) * program.number(text[:-1]) / 100.0
-    return program.quantity('force')(text)
+        share = program.number(text[:-1]) / 100.0
+        return lambda force: share * abs(force)
+    size = program.quantity('force')(text)
+    return lambda force: size
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -82,7 +84,10 @@ def make_parser() -> argparse.ArgumentParser:
         '--feed', type=program.quantity('length', per_second=True), metavar='M/S', help='speed along the path [m/s]'
     )
     parser.add_argument(
-        '--tolerance', metavar='SIZE', help='largest accepted force error: 2N, or 10%% of the force (default: none)'
+        '--tolerance',
+        type=_tolerance,
+        metavar='SIZE',
+        help='largest accepted force error: 2N, or 10%% of the force (default: none)',
     )
     parser.add_argument(
         '--bias',

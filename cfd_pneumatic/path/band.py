@@ -100,11 +100,12 @@ def _variance_of_scan(
 ) -> Array:
     """Return the variance over random errors of the surface, which change over a length or a time [N^2]."""
     length = SCAN_TIME if path.along is None else SCAN_LENGTH * path.duration / float(path.along[-1])
+    on_path = np.clip(np.arange(path.grid.size), *np.flatnonzero(path.is_on_path)[[0, -1]])
     random = np.random.default_rng(0)
     variance = np.zeros_like(response.force)
     for _ in range(SCANS):
         error = gaussian_filter1d(random.standard_normal(path.grid.size), length / PERIOD)
-        deviation = np.where(path.is_on_path, error * (scan_error / float(np.std(error))), 0.0)
+        deviation = (scan_error / float(np.std(error))) * error[on_path]  # constant before and after the path
         variance += (PathSimulator(path, deviation).simulate(device, setpoints).force - response.force) ** 2
     return variance / SCANS
 
