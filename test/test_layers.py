@@ -48,7 +48,6 @@ BELOW = {
     },
     'path': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'planning': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
-    'path': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'plant': {'charts', 'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'monitoring': {'reporting', 'device', 'identification', 'recording', 'messages', 'model'},
     'reporting': {'charts', 'device', 'identification', 'recording', 'messages', 'model'},
