@@ -82,9 +82,11 @@ def test_a_file_alone_or_of_another_origin_has_no_uncertainty(folder, tmp_path):
         assert loaded.deviations() == []
 
 
-def test_a_device_has_no_uncertainty(folder):
+def test_a_device_has_the_uncertainty_of_its_file_until_it_is_changed(folder):
     device = Device.load(folder / 'parameters.yaml')
-    assert IdentifiedDevice.of_device(device) == IdentifiedDevice(device, {}, {}, 'parameters given in Python')
+    assert IdentifiedDevice.of_device(device).covariances.keys() == IdentifiedDevice.load(folder).covariances.keys()
+    changed = device.with_values({'supply_pressure': 5e5})
+    assert IdentifiedDevice.of_device(changed) == IdentifiedDevice(changed, {}, {}, 'parameters given in Python')
 
 
 def test_an_open_loop_has_the_uncertainty_of_the_cylinders(tmp_path):
