@@ -146,6 +146,7 @@ WRONG = {
     'not finite': (covariance_with(parameters=PAIR, matrix=[[1.0, float('nan')], [0.0, 1.0]]), 'no matrix of 2 by 2'),
     'huge': (covariance_with(parameters=PAIR, matrix=[[10**400, 0.0], [0.0, 1.0]]), 'no matrix of 2 by 2'),
     'not symmetric': (covariance_with(parameters=PAIR, matrix=[[1.0, 0.5], [0.4, 1.0]]), 'not symmetric'),
+    'overflow': (covariance_with(parameters=PAIR, matrix=[[1e-300, 1e300], [1e300, 1e-300]]), 'not symmetric'),
     'negative': (covariance_with(parameters=PAIR, matrix=[[-1.0, 0.0], [0.0, 1.0]]), 'negative variance'),
     'not positive': (covariance_with(parameters=PAIR, matrix=[[1.0, 1.1], [1.1, 1.0]]), 'not positive'),
     'covariance of a constant': (covariance_with(parameters=PAIR, matrix=[[0.0, 1.1], [1.1, 1.0]]), 'not positive'),
