@@ -11,11 +11,13 @@ import yaml
 from measured import ROOT as MEASURED
 from measured import needs_measured_data
 
-from studies.documents.tutorial import OWN_DATA, PAGES, PICTURE, blocks, run
+from studies.documents.tutorial import HOLD_THE_FORCE, OWN_DATA, PAGES, PICTURE, blocks, run
 from studies.tools.provenance import ROOT
 
 TEXT = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in PAGES).replace('\n> ', ' ').split())
 """The text of all tutorials in one line, without the marks of quotations."""
+
+NUMBER = re.compile(r'\d[\d,.]*(?<![,.])')
 
 INSTALL = ROOT / 'docs' / 'how_to' / 'install.md'
 REAL = 'A real cylinder'
@@ -77,13 +79,46 @@ def test_an_unknown_characteristic_is_estimated_and_estimated_again_over_a_large
     assert "EffectParameter('place', 'Pa'" in draft
 
 
+def outputs(page):
+    """Yield the heading and the text of each printed answer on a page, in one line."""
+    heading = ''
+    for part in re.split(r'\n\n+', re.sub(r'^```.*?^```$', '', page.read_text(encoding='utf-8'), flags=re.M | re.S)):
+        heading = part.removeprefix('## ') if part.startswith('## ') else heading
+        if part.startswith('    '):
+            yield heading, ' '.join(part.split())
+
+
+def numbers_in(text):
+    return [float(number.replace(',', '')) for number in NUMBER.findall(text)]
+
+
+@pytest.mark.parametrize(('heading', 'text'), outputs(HOLD_THE_FORCE), ids=lambda text: text[:20])
+def test_the_answers_on_the_force_are_those_that_the_page_shows(tutorial, heading, text):
+    pattern = NUMBER.sub('NUMBER', text)
+    printed = ' '.join(tutorial.said[heading].split())
+    found = re.search(re.escape(pattern).replace('NUMBER', NUMBER.pattern), printed)
+    assert found is not None, f'{text}\nis not in\n{printed}'
+    assert numbers_in(found[0]) == pytest.approx(numbers_in(text), rel=0.1, abs=0.006)
+
+
+def test_held_setpoints_keep_the_tolerance_that_constant_ones_violate(tutorial):
+    constant, held = (
+        float(size) for size in re.findall(r'force error ([\d.]+) N', tutorial.said['Play both on the rig'])
+    )
+    assert held < 0.2 * constant
+    preview = json.loads((tutorial.folder / 'held' / 'preview.json').read_text())
+    assert preview['tolerance_n'] == 1.5
+    assert any(violation['is_certain'] for violation in preview['constant']['violations'])
+    assert preview['held']['violations'] == []
+
+
 def test_nothing_that_it_wants_is_compiled_again(compiled, tutorial):
     assert tutorial.machine_code == compiled.said['machine code']
 
 
 def test_every_program_that_runs_on_is_in_the_tutorial_on_the_monitor():
     started = [[block.text.split()[0] for block in blocks(page) if block.language == 'bash'] for page in PAGES]
-    assert started == [[], [], ['rig_node', 'sim_node', 'monitor_node', 'python3']]
+    assert started == [[], [], [], ['rig_node', 'sim_node', 'monitor_node', 'python3']]
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)

@@ -128,6 +128,8 @@ def _held_text(held: Held, constant: Prediction) -> str:
         f'at most {number(prediction.largest_error, 2)} N. '
         f'The 95 % band is ± {number(prediction.rms_band, 2)} N on average. '
     )
+    if kept := _tolerance_text(prediction):
+        text += f'{kept} '
     if not held.is_promised:
         text += 'The band is wider than the benefit: a smaller error is not promised. '
     if held.latest >= LATEST:
