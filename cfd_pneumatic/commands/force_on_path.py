@@ -68,8 +68,8 @@ def make_parser() -> argparse.ArgumentParser:
         'path',
         type=Path,
         metavar='PATH',
-        help='table along_m,error_m (distance of the surface from the taught path) or time_s,displacement_m, also in '
-        'other units (along_mm); or a bag with piston_state, nav_msgs/Path or trajectory_msgs/JointTrajectory',
+        help='table along_m,error_m (surface minus taught path) or time_s,displacement_m, in any unit (along_mm); or a '
+        'bag with piston_state, nav_msgs/Path or trajectory_msgs/JointTrajectory',
     )
     parser.add_argument(
         '--device',

@@ -3,9 +3,9 @@
 Set-points over time that hold the force along a path: the inverse of the identified model.
 
 Equation (12) at constant pressure needs a set-point that leads the pressure by K_x / K times the speed. Effects,
-friction, dead time and lag of the command change this lead. The inversion therefore iterates: it simulates, converts
-the force error to an error of each pressure, and solves the linearised response of the pressure to each set-point of
-the schedule for the corrections, in the sense of least squares.
+friction, dead time and lag of the command change this lead. The inversion therefore iterates. It simulates, and
+converts the force error to an error of each pressure. Least squares then give the corrections of the set-points from the
+linearised response of the pressure to each set-point of the schedule.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def held_setpoints(
     simulator, device
         The path and the device.
     constant
-        Constant gauge set-points, with which the iteration begins and whose mean pressure is kept [Pa].
+        Constant gauge set-points [Pa]; the iteration begins with them, and keeps their mean pressure.
     target
         Wanted force [N].
     regulators
