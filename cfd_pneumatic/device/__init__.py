@@ -10,7 +10,7 @@ from cfd_pneumatic.lazy import loader_of
 if TYPE_CHECKING:
     from cfd_pneumatic.device.descriptors import DESCRIPTORS, NO_NAMES, Descriptor, Value
     from cfd_pneumatic.device.device import Device, default_of
-    from cfd_pneumatic.device.file import REPORT_FILE, check_run, is_parameter_file, report_in, run_line
+    from cfd_pneumatic.device.file import REPORT_FILE, check_run, is_parameter_file, report_in, run_line, run_of
     from cfd_pneumatic.device.force_error import (
         ForcePerSpeed,
         combined_force_per_speed,

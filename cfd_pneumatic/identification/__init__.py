@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.decay import LAWS, Decay, Leak, decay_of, rate_of
     from cfd_pneumatic.identification.fit import (
         LARGEST_RELATIVE_STD,
+        Covariance,
         Fit,
         Information,
         Likelihood,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     )
     from cfd_pneumatic.identification.input_checks import check_recording, check_recordings, describe
     from cfd_pneumatic.identification.loop import close_loop
+    from cfd_pneumatic.identification.model_error import ModelError, error_beyond_noise
     from cfd_pneumatic.identification.preparation import prepare_recordings
     from cfd_pneumatic.identification.procedure import identify
     from cfd_pneumatic.identification.report_texts import (

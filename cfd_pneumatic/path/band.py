@@ -91,7 +91,8 @@ def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:
     variance = np.zeros_like(path.grid)
     for channel, error in identified.model_errors.items():
         scale = force_per_pascal if channel in CYLINDERS else 1.0
-        variance += (scale * np.where(moves, error.motion, error.rest)) ** 2
+        rest, motion = (size or 0.0 for size in (error.rest, error.motion))
+        variance += (scale * np.where(moves, motion, rest)) ** 2
     return variance
 
 

@@ -21,6 +21,7 @@ from cfd_pneumatic.identification import (
     Outside,
     PartError,
     Test,
+    error_beyond_noise,
     residual_dependences,
 )
 from cfd_pneumatic.reporting.advice import next_plan
@@ -66,7 +67,7 @@ def report_data(identification: Identification, live: Mapping[str, PartError] = 
     for name, result in closed_results.items():
         if name not in identification.cylinders:
             before = {f'span_{result.quantity.key}': result.span, 'before': _error_data(result.before, result)}
-            data[name] = before | _findings_data(result)
+            data[name] = before | _uncertainty_data(result) | _findings_data(result)
     for name, error in live.items():
         block = data['cylinders'][name] if name in identification.cylinders else data.get(name)
         if block is not None:
@@ -149,6 +150,16 @@ def _cylinder_data(result: ChannelResult, identification: Identification) -> dic
         'noise_floor_pa': result.noise.std,
         'before': _error_data(result.before, result),
         'notes': list(result.notes),
+        **_uncertainty_data(result),
+    }
+
+
+def _uncertainty_data(result: ChannelResult) -> dict[str, Any]:
+    """Return the uncertainty of the model of `parameters.yaml`: covariance of its parameters, and its error."""
+    covariance = result.found.covariance
+    return {
+        'covariance': {'parameters': list(covariance.names), 'matrix': covariance.matrix.tolist()},
+        f'model_error_{result.quantity.key}': asdict(error_beyond_noise(result)),
     }
 
 

@@ -362,6 +362,13 @@ def _files() -> Iterable[str]:
         'written by [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
         f'(../../cfd_pneumatic/planning/report.py). `{PARAMETER_FILE}` has the parameters above.'
     )
+    yield (
+        f'Each channel of `{REPORT_FILE}` has the uncertainty of its model in `{PARAMETER_FILE}`. `covariance` has the '
+        'names of the `parameters` and their `matrix`, in products of their units. Names are those of the estimates, '
+        'heights of a curve (`curve.w0`) and `setpoint_offset`. Parameters that the fit held have no row. '
+        '`model_error_pa` and `model_error_n` have the RMS error beyond the noise while the piston is at `rest` and in '
+        '`motion`; null without such samples. They are of the part that the report judges.'
+    )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
     yield (
         f'Columns of `{SCHEDULE_FILE}` of `plan_experiment` and `force_on_path`, set-points gauge and valid from their '

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +13,8 @@ import numpy as np
 import pytest
 from drawn import recording_of
 
+from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.device import Value
 from cfd_pneumatic.device.identified import identified_device
 from cfd_pneumatic.identification import ChannelResult, Identification, Options, identify
 from cfd_pneumatic.identification.data.options import AUTO, LINEAR
@@ -19,6 +23,7 @@ from cfd_pneumatic.identification.search import with_core
 from cfd_pneumatic.model import NAMES
 from cfd_pneumatic.model.effects import Moment
 from cfd_pneumatic.model.effects.curve import CURVE
+from cfd_pneumatic.path import IdentifiedDevice
 from cfd_pneumatic.planning import Limits, plan
 from cfd_pneumatic.reporting import draft_effect
 from cfd_pneumatic.reporting.data import report_data
@@ -69,6 +74,26 @@ def test_a_law_that_is_in_no_library_is_drawn_where_it_enters(law: str) -> None:
     assert result.rmse(1) < 0.9 * result.rmse(0)
     assert 0.1 < shape.explains < 1.0
     assert np.all((shape.low <= shape.value) & (shape.value <= shape.high))
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_the_covariance_gives_the_band_of_the_pressure_that_was_fitted(law: str) -> None:
+    """On average the variance of a fitted signal is that of the noise times parameters over samples."""
+    device = IdentifiedDevice.of_identification(identified(law))
+    device = replace(device, covariances={'cylinder_a': device.covariances['cylinder_a']})
+    (experiment,), noise = found(law).experiments, found(law).noise.std
+    driven = experiment.times, experiment.inputs['displacement'], experiment.inputs['setpoint']
+
+    def pressure(values: Mapping[str, Value]) -> Array:
+        cylinder = device.device.with_values(values).model.cylinders['cylinder_a']
+        return cylinder.simulate(*driven)[experiment.samples][counts]
+
+    # the device begins at its set-point, and a curve of the set-point acts from then on
+    counts = experiment.fitted & (experiment.sample_times > experiment.sample_times[0] + 0.5)
+    nominal, share = pressure({}), 0.01
+    changes = [pressure(values) - nominal for _, values in device.deviations(share)]
+    band = np.sqrt(np.mean(np.sum(np.square(changes), axis=0))) / share
+    assert band == pytest.approx(noise * np.sqrt(len(changes) / nominal.size), rel=0.2)
 
 
 def test_the_curve_is_the_law_but_for_what_the_gains_have() -> None:

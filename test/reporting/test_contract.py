@@ -70,6 +70,11 @@ CYLINDER = {
     'before': errors('pa'),
     'notes': [str],
 }
+UNCERTAINTY = {
+    'covariance': {'parameters': [str], 'matrix': [[NUMBER]]},
+    'model_error_pa': {'rest': (*NUMBER, OR_NONE), 'motion': (*NUMBER, OR_NONE)},
+}
+"""What 0.3.0 added to a cylinder."""
 RECORDING = {'name': str, 'displacement_samples': int, 'duration_s': NUMBER, 'travel_m': [NUMBER], 'notes': [str]}
 SPLIT = {'part': (str, OR_NONE), 'validation_from_s': NUMBER, 'test_from_s': NUMBER, 'strokes': {EACH: int}}
 REPORT = {
@@ -120,6 +125,14 @@ def test_the_report_of_a_closed_loop_has_the_keys_of_0_1_0():
     assert_holds(report['force'], closure('n'))
     assert_holds(report['force']['after_over_before'], RATIO)
     assert report['cylinders']['cylinder_b']['after_over_before'] is None
+
+
+@pytest.mark.parametrize('identification', [open_loop, closed])
+def test_a_report_has_the_uncertainty_of_0_3_0(identification):
+    for block in told(identification())['cylinders'].values():
+        assert_holds(block, UNCERTAINTY)
+        size = len(block['covariance']['parameters'])
+        assert [len(row) for row in block['covariance']['matrix']] == [size] * size
 
 
 def test_a_set_point_is_an_offset_or_an_estimate():

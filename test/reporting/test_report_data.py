@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 from identified import AREA, closed, judged, open_loop, with_force
@@ -85,11 +86,30 @@ def test_where_nothing_is_missing_there_is_no_ratio(data):
 def test_the_force_is_a_block_of_the_same_form_in_newtons():
     data = report_data(with_force(closed()))
     block = json.loads(json.dumps(data['force'], allow_nan=False))
-    assert set(block) == ADDED | {'before', 'span_n'}
+    assert set(block) == ADDED | {'before', 'span_n', 'covariance', 'model_error_n'}
     assert set(block['before']['test']) == {'rmse_n', 'nrmse_percent'}
     assert set(block['tried'][0]) >= {'validation_rmse_n'}
     assert block['parameters_after']['area']['value'] == AREA
     assert block['effect_parameters']['seal_friction']['coulomb']['value'] == 2.5
+
+
+@pytest.mark.parametrize('cylinder', ['cylinder_a', 'cylinder_b'])
+def test_the_covariance_is_that_of_the_parameters_in_the_parameter_file(data, cylinder):
+    block = data['cylinders'][cylinder]
+    estimates = {**block['parameters_after']}
+    for effect, parameters in block['effect_parameters'].items():
+        estimates |= {f'{effect}.{name}': estimate for name, estimate in parameters.items()}
+    names, matrix = block['covariance']['parameters'], block['covariance']['matrix']
+    assert names == [*estimates, 'setpoint_offset']
+    for rank, name in enumerate([*estimates]):
+        assert math.sqrt(matrix[rank][rank]) == pytest.approx(estimates[name]['std'])
+
+
+def test_the_model_error_falls_with_the_missing_effect(data):
+    before = report_data(open_loop())['cylinders']['cylinder_a']
+    after = data['cylinders']['cylinder_a']
+    assert before['model_error_pa']['motion'] > 0.5 * before['noise_floor_pa']
+    assert after['model_error_pa']['motion'] < 0.25 * before['model_error_pa']['motion']
 
 
 def test_an_open_loop_says_nothing_of_effects():

@@ -13,6 +13,6 @@ if TYPE_CHECKING:
     from cfd_pneumatic.identification.fit.levenberg import Quadratic, least_squares
     from cfd_pneumatic.identification.fit.likelihood import Likelihood, Unknowns
     from cfd_pneumatic.identification.fit.thresholds import CONFIDENCE, LARGEST_RELATIVE_STD
-    from cfd_pneumatic.identification.fit.uncertainty import Information, information
+    from cfd_pneumatic.identification.fit.uncertainty import Covariance, Information, information
 else:
     __getattr__ = loader_of(__name__)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from cfd_pneumatic.arrays import Array
+from cfd_pneumatic.arrays import Array, Indices
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.identification.channels import NOT_ESTIMATED, Channel, Estimate, Model
 from cfd_pneumatic.identification.data import Experiment
@@ -29,11 +29,16 @@ from cfd_pneumatic.identification.fit.thresholds import (
     ROUGH_SEARCH,
     WEIGHING_SEARCH,
 )
-from cfd_pneumatic.identification.fit.uncertainty import Information, information
+from cfd_pneumatic.identification.fit.uncertainty import Covariance, Information, information
 from cfd_pneumatic.runtime import map_in_threads
 
 AT_BOUND = 'the fit ends at its'
 """Begin of the reason why a parameter is not identifiable that ends at a bound."""
+
+SETPOINT_OFFSET = 'setpoint_offset'
+"""Name of the mean offset of the set-points in a covariance, as in a parameter file."""
+
+_OFFSET = 'offset'
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,8 @@ class Fit:
         Simulated signal of each experiment, shape (m,) [SI].
     likelihood
         Likelihood of the fit.
+    covariance
+        Covariance of the parameters that were not held, and of the mean offset of the set-points.
 
     """
 
@@ -61,6 +68,7 @@ class Fit:
     stds: Array
     simulated: tuple[Array, ...]
     likelihood: Likelihood
+    covariance: Covariance
 
     @property
     def spans_pressures(self) -> bool:
@@ -198,7 +206,8 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
             'Record longer'
         )
     reasons = _unidentifiable(likelihood, unknowns, fisher)
-    stds = _standard_errors(channel, unknowns, fisher, degrees, reasons)
+    matrix, free = _search_covariance(channel, unknowns, fisher, degrees, reasons)
+    stds = _standard_errors(unknowns, matrix, free, reasons)
     std_of = dict(zip(unknowns.slots.tolist(), stds.tolist()))
     quantile = float(stdtrit(degrees, 0.5 + 0.5 * CONFIDENCE))
     why = {unknowns.table[index].slot: reason for index, reason in reasons.items()}
@@ -219,7 +228,8 @@ def summary(likelihood: Likelihood, model: Model) -> Fit:
         ]
     )
     channel.check(experiments, simulated, model, estimates)
-    return Fit(model, tuple(estimates), recording_stds, tuple(simulated), likelihood)
+    covariance = _parameter_covariance(likelihood, unknowns, matrix, free)
+    return Fit(model, tuple(estimates), recording_stds, tuple(simulated), likelihood, covariance)
 
 
 def search_information(likelihood: Likelihood, unknowns: Unknowns, simulated: Sequence[Array]) -> Information:
@@ -259,29 +269,40 @@ def _unidentifiable(likelihood: Likelihood, unknowns: Unknowns, fisher: Informat
     return reasons
 
 
-def _standard_errors(
+def _search_covariance(
     channel: Channel, unknowns: Unknowns, fisher: Information, degrees: int, reasons: dict[int, str]
-) -> Array:
+) -> tuple[Array, Indices]:
     """
-    Return the standard errors of the unknowns [unknown's unit]; add to `reasons` why unknowns are not identifiable.
+    Return the covariance of the unknowns that are not held, and their indices, shape (k, k) and (k,).
 
-    A parameter of the model without effects is identifiable if zero is at least three standard errors away. Otherwise
-    the parameter is held. A parameter of an effect is identifiable if zero is at least one standard error away.
+    The covariance is in the units of the search. A parameter of the model without effects is held unless zero is at
+    least three standard errors away; the function adds the reason to `reasons`.
     """
-    stds = np.zeros(len(unknowns.table))
     model_indices = [
         index
         for index, unknown in enumerate(unknowns.table)
         if unknown.logarithmic and unknown.name in channel.parameters
     ]
     while True:
-        free = np.array([index for index in range(stds.size) if index not in reasons], dtype=np.intp)
-        stds[free] = np.sqrt(np.diag(fisher.covariance(degrees, free)))
-        worst = max((index for index in model_indices if index not in reasons), key=stds.__getitem__, default=None)
+        free = np.array([index for index in range(len(unknowns.table)) if index not in reasons], dtype=np.intp)
+        covariance = fisher.covariance(degrees, free)
+        stds = dict(zip(free.tolist(), np.sqrt(np.diag(covariance)).tolist()))
+        worst = max((index for index in model_indices if index in stds), key=stds.__getitem__, default=None)
         if worst is None or stds[worst] <= LARGEST_RELATIVE_STD:
-            break
+            return covariance, free
         hint = channel.hints[unknowns.table[worst].name]
         reasons[worst] = f'its standard error would be {100.0 * stds[worst]:.0f} % of its value: {hint}'
+
+
+def _standard_errors(unknowns: Unknowns, covariance: Array, free: Indices, reasons: dict[int, str]) -> Array:
+    """
+    Return the standard errors of the unknowns, 0 if held [unknown's unit]; add to `reasons` the undetermined ones.
+
+    A parameter of an effect is identifiable if zero is at least one standard error away. See `_search_covariance` for
+    covariance and free.
+    """
+    stds = np.zeros(len(unknowns.table))
+    stds[free] = np.sqrt(np.diag(covariance))
     errors = stds * unknowns.scales(unknowns.start)
     values = unknowns.row(unknowns.start)[unknowns.slots]
     for index, unknown in enumerate(unknowns.table):
@@ -290,6 +311,40 @@ def _standard_errors(
         elif '.' in unknown.name and errors[index] > abs(values[index]):
             reasons.setdefault(index, 'these recordings determine the effect, but not this parameter')
     return errors
+
+
+def _parameter_covariance(likelihood: Likelihood, unknowns: Unknowns, covariance: Array, free: Indices) -> Covariance:
+    """
+    Return the covariance of the parameters that are not held, and of the mean offset of the set-points [SI].
+
+    All parameters that the fit searched have rows, also those that are not reported and the heights of curves: what one
+    of them changes, others compensate. A band of a predicted pressure was 27 and 190 times too wide without the heights
+    of two curves. See `_search_covariance` for covariance and free.
+    """
+    slots = unknowns.slots[free]
+    rows = {unknowns.table[index].name: slots == slot for index, slot in zip(free.tolist(), slots.tolist())}
+    rows.pop('', None)
+    offsets = _offset_slots(likelihood)
+    is_offset = np.isin(slots, offsets)
+    if np.any(is_offset):
+        rows[SETPOINT_OFFSET] = is_offset / len(offsets)
+    derivatives = np.array([*rows.values()]).reshape(len(rows), free.size) * unknowns.scales(unknowns.start)[free]
+    return Covariance(tuple(rows), derivatives @ covariance @ derivatives.T)
+
+
+def _offset_slots(likelihood: Likelihood) -> list[int]:
+    """
+    Return the slots of the offsets of recordings with a recorded set-point, or of all recordings if there are none.
+
+    The offset of a set-point that was not recorded is that of its estimate. A channel may have no offsets.
+    """
+    channel = likelihood.channel
+    if _OFFSET not in channel.recording_parameters:
+        return []
+    rank = channel.recording_parameters.index(_OFFSET)
+    recorded = {experiment.index for experiment in likelihood.experiments if not experiment.drifts}
+    indices = recorded or {experiment.index for experiment in likelihood.experiments}
+    return [channel.recording_slots(index)[rank] for index in sorted(indices)]
 
 
 def _reported_parameters(channel: Channel, model: Model) -> Iterator[tuple[int, str, str]]:

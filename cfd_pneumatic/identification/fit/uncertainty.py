@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standard errors from a Jacobian and residuals that may be correlated."""
+"""Standard errors and covariances from a Jacobian and residuals that may be correlated."""
 
 from __future__ import annotations
 
@@ -12,6 +12,24 @@ from numpy.typing import NDArray
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.identification.fit.thresholds import FINEST_LAGS, LEAST_CORRELATION, LEAST_DETERMINED
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """
+    Covariance of the parameters of a channel.
+
+    Attributes
+    ----------
+    names
+        Names of the parameters: `k_x`, `EFFECT.PARAMETER`, `setpoint_offset`.
+    matrix
+        Covariance, shape (k, k) [product of both parameters' SI units].
+
+    """
+
+    names: tuple[str, ...]
+    matrix: Array
 
 
 @dataclass(frozen=True)

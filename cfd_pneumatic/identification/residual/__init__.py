@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         autocovariance,
         autoregression,
         independent_share,
+        variance_of_mean,
         whitened,
     )
     from cfd_pneumatic.identification.residual.noise import (

@@ -78,7 +78,19 @@ def autoregressive_series(innovations: Array, coefficients: Array) -> Array:
 
 def independent_share(coefficients: Array) -> float:
     """Return the number of independent samples per sample of autoregressive noise, at most 1 [-]."""
+    response = _impulse_response(coefficients)
+    return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, LEAST_INDEPENDENT_SHARE, 1.0))
+
+
+def variance_of_mean(coefficients: Array, count: int) -> float:
+    """Return the variance of the mean of adjacent samples of autoregressive noise [variance of a sample]."""
+    response = _impulse_response(coefficients)
+    of_mean = np.convolve(response, np.full(count, 1.0 / count))
+    return float(np.sum(of_mean**2) / np.sum(response**2))
+
+
+def _impulse_response(coefficients: Array) -> Array:
+    """Return the response of autoregressive noise to an innovation of 1, shape (n,) [-]."""
     impulse = np.zeros(LONGEST_RESPONSE)
     impulse[0] = 1.0
-    response = autoregressive_series(impulse, np.asarray(coefficients))
-    return float(np.clip(np.sum(response**2) * (1.0 - np.sum(coefficients)) ** 2, LEAST_INDEPENDENT_SHARE, 1.0))
+    return np.asarray(autoregressive_series(impulse, np.asarray(coefficients)))
