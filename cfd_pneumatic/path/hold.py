@@ -4,8 +4,8 @@ Set-points over time that hold the force along a path: the inverse of the identi
 
 Equation (12) at constant pressure needs a set-point that leads the pressure by K_x / K times the speed. Effects,
 friction, dead time and lag of the command change this lead. The inversion therefore iterates. It simulates, and
-converts the force error to an error of each pressure. Least squares then give the corrections of the set-points from the
-linearised response of the pressure to each set-point of the schedule.
+converts the force error to an error of each pressure. Least squares then give the corrections of the set-points from
+the linearised response of the pressure to each set-point of the schedule.
 """
 
 from __future__ import annotations
