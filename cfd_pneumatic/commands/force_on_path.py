@@ -32,16 +32,19 @@ def preview_from_arguments(arguments: Sequence[str] | None = None) -> None:
     from cfd_pneumatic.terminal import terminal
 
     PREVIEW_FILES.check(options.output, overwrite=options.overwrite)
-    preview = force_on_path(
-        IdentifiedDevice.load(options.device),
-        read_path(options.path, joint=options.joint, axis=options.axis, topic=options.topic),
-        force=options.force,
-        tolerance=None if options.tolerance is None else options.tolerance(options.force),
-        limits=options.range,
-        **{name: getattr(options, name) for name in _PASSED_ON},
-    )
+    console = terminal()
+    with console.status('Reading') as status:
+        preview = force_on_path(
+            IdentifiedDevice.load(options.device),
+            read_path(options.path, joint=options.joint, axis=options.axis, topic=options.topic),
+            force=options.force,
+            tolerance=None if options.tolerance is None else options.tolerance(options.force),
+            limits=options.range,
+            progress=lambda step: status.update(f'Computing: {step}'),
+            **{name: getattr(options, name) for name in _PASSED_ON},
+        )
     files = preview.save(options.output, overwrite=options.overwrite)
-    print_preview(preview, terminal())
+    print_preview(preview, console)
     print(f'written: {", ".join(map(str, files))}')
 
 

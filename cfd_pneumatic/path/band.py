@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +12,14 @@ from scipy.ndimage import gaussian_filter1d
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
-from cfd_pneumatic.device import Device
+from cfd_pneumatic.device import Device, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.path.identified import IdentifiedDevice
 from cfd_pneumatic.path.motion import PathMotion
 from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, delayed
 from cfd_pneumatic.path.thresholds import PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS
 from cfd_pneumatic.recording import Signal
+from cfd_pneumatic.runtime import map_in_threads
 
 
 @dataclass(frozen=True)
@@ -77,11 +79,11 @@ def force_variances(
 def _variance_of_parameters(
     simulator: PathSimulator, identified: IdentifiedDevice, setpoints: Setpoints, response: PathResponse
 ) -> Array:
-    variance = np.zeros_like(response.force)
-    for _, values in identified.deviations():
-        changed = simulator.simulate(identified.device.with_values(values), setpoints)
-        variance += (changed.force - response.force) ** 2
-    return variance
+    def change(values: Mapping[str, Value]) -> Array:
+        return simulator.simulate(identified.device.with_values(values), setpoints).force - response.force
+
+    changes = map_in_threads(change, [values for _, values in identified.deviations()])
+    return sum((difference**2 for difference in changes), start=np.zeros_like(response.force))
 
 
 def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:

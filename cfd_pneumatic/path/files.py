@@ -28,6 +28,8 @@ CONSTANT, HELD = '/constant', '/held'
 LOW, HIGH = '/band_low', '/band_high'
 """Namespaces below, for the ends of the 95 % band of the force."""
 
+_STRIDE = 5  # samples of a prediction per sample of the bag, which has 100 Hz
+
 _is_preview = marked(r'\A\{\s*"schema": \d+,\s*"force_n": ')
 _is_bag = marked(rf'(?s)\A\x89MCAP.{{,64}}cfd_pneumatic.*{CONSTANT}{LOW}/')
 _is_table = marked(rf'\A{",".join(SCHEDULE_COLUMNS)}\n0\.0,')
@@ -92,18 +94,21 @@ def _write_bag(preview: Preview, path: Path) -> None:
 def _streams(prediction: Prediction, namespace: str, preview: Preview) -> Iterator[Stream]:
     """Yield displacement, set-points, pressures and force, and the ends of the band of the force."""
     path = prediction.path
-    times = path.grid - path.grid[0]
+    shown = slice(None, None, _STRIDE)
+    times = (path.grid - path.grid[0])[shown]
     ambient = preview.identified.device.number('ambient_pressure')
     cylinders = {
-        name: CylinderSignals(Signal(times, pressure), _absolute(prediction.setpoints[name], path.grid[0], ambient))
+        name: CylinderSignals(
+            Signal(times, pressure[shown]), _absolute(prediction.setpoints[name], path.grid[0], ambient)
+        )
         for name, pressure in prediction.response.pressures.items()
     }
-    recording = Recording('path', 0, Signal(times, path.displacement_at(path.grid)), cylinders, None, ())
+    recording = Recording('path', 0, Signal(times, path.displacement_at(path.grid[shown])), cylinders, None, ())
     yield from streams_of(recording, namespace, ambient)
     half = prediction.half_band
     for place, values in (('', prediction.force), (LOW, prediction.force - half), (HIGH, prediction.force + half)):
         topic = f'{namespace}{place}/{CONTACT_FORCE}'
-        yield Stream(topic, Form(WRENCH_STAMPED), stamps_of(recording, times), values)
+        yield Stream(topic, Form(WRENCH_STAMPED), stamps_of(recording, times), values[shown])
 
 
 def _absolute(level: float | Signal, begin: float, ambient: float) -> Signal:

@@ -38,6 +38,7 @@ from cfd_pneumatic.path.thresholds import (
     SMOOTHNESS,
 )
 from cfd_pneumatic.recording import Signal
+from cfd_pneumatic.runtime import map_in_threads
 
 
 @dataclass(frozen=True)
@@ -185,11 +186,15 @@ class _Inversion:
         grid, rate = self._simulator.path.grid, self._regulators.rate
         spacing = max(2, math.ceil(self._response_time(name) * rate))
         begins = np.searchsorted(grid, self._times - 1e-9)
-        rows, columns, values = [], [], []
-        for first in range(spacing):
+
+        def responses(first: int) -> Array:
+            """Return the response to every set-point from a first one on, each `spacing` set-points apart."""
             changed = levels[name].copy()
             changed[first::spacing] += CHANGE
-            response = (self._simulate({**levels, name: changed}).pressures[name] - pressure) / CHANGE
+            return (self._simulate({**levels, name: changed}).pressures[name] - pressure) / CHANGE
+
+        rows, columns, values = [], [], []
+        for first, response in enumerate(map_in_threads(responses, range(spacing))):
             for index in range(first, self._times.size, spacing):
                 end = begins[index + spacing] if index + spacing < self._times.size else grid.size
                 part = np.arange(begins[index], end)

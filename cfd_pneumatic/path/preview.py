@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -127,9 +127,21 @@ class Preview:
     notes: tuple[str, ...]
 
 
-def preview_force(identified: IdentifiedDevice, course: Surface | PathMotion, task: Task) -> Preview:
+def preview_force(
+    identified: IdentifiedDevice,
+    course: Surface | PathMotion,
+    task: Task,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Preview:
     """
     Predict the force of a device along a path.
+
+    Parameters
+    ----------
+    identified, course, task
+        The device, the path, and what the force has to be.
+    progress
+        Called with the name of each step when the step begins.
 
     Raises
     ------
@@ -142,19 +154,17 @@ def preview_force(identified: IdentifiedDevice, course: Surface | PathMotion, ta
     path = _placed(_motion(course, task.feed), identified, task.start, is_surface=isinstance(course, Surface))
     simulator = PathSimulator(path)
     bias = usual_bias(device) if task.bias is None else task.bias
+    progress('constant set-points')
     levels = centred_setpoints(simulator, device, task.force, bias, task.regulators.range)
+    progress('force and its band')
     constant = predict(simulator, identified, levels, task.force, task.tolerance, task.errors)
-    return Preview(
-        task,
-        identified,
-        levels,
-        constant,
-        force_causes(simulator, device, levels, constant.force),
-        air_consumption(device, path, constant.response.pressures),
-        _fastest_feeds(identified, course, constant, task) if isinstance(course, Surface) else None,
-        _held(simulator, identified, levels, constant, task) if task.hold else None,
-        tuple(_notes(identified, path)),
-    )
+    causes = force_causes(simulator, device, levels, constant.force)
+    air = air_consumption(device, path, constant.response.pressures)
+    progress('fastest feed')
+    feed = _fastest_feeds(identified, course, constant, task) if isinstance(course, Surface) else None
+    progress('set-points that hold the force')
+    held = _held(simulator, identified, levels, constant, task) if task.hold else None
+    return Preview(task, identified, levels, constant, causes, air, feed, held, tuple(_notes(identified, path)))
 
 
 def _motion(course: Surface | PathMotion, feed: float | None) -> PathMotion:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +93,7 @@ def force_on_path(
     rate: float = 50.0,
     slew: float | None = None,
     limits: tuple[float, float] | None = None,
+    progress: Callable[[str], None] = lambda step: None,
 ) -> ForceOnPath:
     """
     Predict the contact force along a path, and optionally the set-points that hold it.
@@ -124,6 +126,8 @@ def force_on_path(
         Largest rate of a set-point [Pa/s]; by default not limited.
     limits
         Lowest and highest gauge set-point of the regulators [Pa]; by default 0 to the supply pressure.
+    progress
+        Called with the name of each step of the work when the step begins.
 
     Raises
     ------
@@ -149,4 +153,4 @@ def force_on_path(
         regulators=Regulators(SetpointRange(low, high), rate, slew),
         hold=hold,
     )
-    return ForceOnPath(**vars(preview_force(device, path, task)))
+    return ForceOnPath(**vars(preview_force(device, path, task, progress)))

@@ -46,8 +46,9 @@ def _path_text(preview: Preview) -> str:
     motion = f'The piston moves by {travel:.3g} mm, at up to {number(1e3 * speed, 2)} mm/s.'
     if path.along is None or preview.task.feed is None:
         return f'{path.duration:.3g} s. {motion}'
-    length, feed = 1e3 * float(path.along[-1]), 1e3 * preview.task.feed
-    return f'{length:.4g} mm in {path.duration:.3g} s, at a feed of {feed:.3g} mm/s. {motion}'
+    length, feed = float(path.along[-1]), 1e3 * preview.task.feed
+    size = f'{length:.4g} m' if length > 1.0 else f'{1e3 * length:.4g} mm'
+    return f'{size} in {path.duration:.3g} s, at a feed of {feed:.3g} mm/s. {motion}'
 
 
 def _levels_text(preview: Preview) -> str:

@@ -91,8 +91,10 @@ def _covariance(channel: str, entry: object) -> Covariance:
         raise InputError(f'has a covariance of {channel} that is no matrix of {len(names)} by {len(names)} numbers')
     if np.any(np.diag(matrix) < 0.0):
         raise InputError(f'has a covariance of {channel} with a negative variance')
-    _, correlations = correlations_of(matrix)
-    if np.any(np.abs(correlations - correlations.T) > _LARGEST_ROUNDING):
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+        _, correlations = correlations_of(matrix)
+        differences = np.abs(correlations - correlations.T)
+    if not np.all(differences <= _LARGEST_ROUNDING):  # an overflow is not finite
         raise InputError(f'has a covariance of {channel} that is not symmetric')
     if np.min(np.linalg.eigvalsh(correlations), initial=0.0) < -_LARGEST_ROUNDING:
         raise InputError(f'has a covariance of {channel} that is not positive')

@@ -82,9 +82,11 @@ def test_a_file_alone_or_of_another_origin_has_no_uncertainty(folder, tmp_path):
         assert loaded.deviations() == []
 
 
-def test_a_device_has_no_uncertainty(folder):
+def test_a_device_has_the_uncertainty_of_its_file_until_it_is_changed(folder):
     device = Device.load(folder / 'parameters.yaml')
-    assert IdentifiedDevice.of_device(device) == IdentifiedDevice(device, {}, {}, 'parameters given in Python')
+    assert IdentifiedDevice.of_device(device).covariances.keys() == IdentifiedDevice.load(folder).covariances.keys()
+    changed = device.with_values({'supply_pressure': 5e5})
+    assert IdentifiedDevice.of_device(changed) == IdentifiedDevice(changed, {}, {}, 'parameters given in Python')
 
 
 def test_an_open_loop_has_the_uncertainty_of_the_cylinders(tmp_path):
@@ -144,6 +146,7 @@ WRONG = {
     'not finite': (covariance_with(parameters=PAIR, matrix=[[1.0, float('nan')], [0.0, 1.0]]), 'no matrix of 2 by 2'),
     'huge': (covariance_with(parameters=PAIR, matrix=[[10**400, 0.0], [0.0, 1.0]]), 'no matrix of 2 by 2'),
     'not symmetric': (covariance_with(parameters=PAIR, matrix=[[1.0, 0.5], [0.4, 1.0]]), 'not symmetric'),
+    'overflow': (covariance_with(parameters=PAIR, matrix=[[1e-300, 1e300], [1e300, 1e-300]]), 'not symmetric'),
     'negative': (covariance_with(parameters=PAIR, matrix=[[-1.0, 0.0], [0.0, 1.0]]), 'negative variance'),
     'not positive': (covariance_with(parameters=PAIR, matrix=[[1.0, 1.1], [1.1, 1.0]]), 'not positive'),
     'covariance of a constant': (covariance_with(parameters=PAIR, matrix=[[0.0, 1.1], [1.1, 1.0]]), 'not positive'),
