@@ -19,6 +19,7 @@ TEXT = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in PAGES).rep
 
 NUMBER = re.compile(r'\d[\d,.]*(?<![,.])')
 
+PREDICT_AND_HOLD = ROOT / 'docs' / 'how_to' / 'predict_and_hold_the_force.md'
 INSTALL = ROOT / 'docs' / 'how_to' / 'install.md'
 REAL = 'A real cylinder'
 
@@ -99,6 +100,22 @@ def test_the_answers_on_the_force_are_those_that_the_page_shows(tutorial, headin
     found = re.search(re.escape(pattern).replace('NUMBER', NUMBER.pattern), printed)
     assert found is not None, f'{text}\nis not in\n{printed}'
     assert numbers_in(found[0]) == pytest.approx(numbers_in(text), rel=0.1, abs=0.006)
+
+
+def test_the_readme_has_answers_of_the_tutorial():
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^\| (?:Which|How)[^|]*\? \| (.*) \|$', readme.partition('hold the force\n\n')[2], re.MULTILINE)
+    page = ' '.join(HOLD_THE_FORCE.read_text(encoding='utf-8').split())
+    assert len(rows[:3]) == 3
+    assert all(row.rpartition(': ')[2] in page for row in rows[:3])
+
+
+def test_the_lines_in_python_on_holding_the_force_run(tutorial):
+    code = ''.join(block.text for block in blocks(PREDICT_AND_HOLD) if block.language == 'python')
+    environment = tutorial.environment | {'MPLBACKEND': 'agg'}
+    lines = run(f"python3 - <<'PYTHON'\n{code}PYTHON\n", tutorial.folder, environment).splitlines()
+    assert [line for line in lines if line.startswith('Held force')]
+    assert (tutorial.folder / 'preview' / 'schedule.csv').read_text().count('\n') > 2000
 
 
 def test_held_setpoints_keep_the_tolerance_that_constant_ones_violate(tutorial):

@@ -79,7 +79,8 @@ def make_parser() -> argparse.ArgumentParser:
         type=Path,
         required=True,
         metavar='DIR',
-        help='output folder of identify_bag, or a parameter file, without which the band covers scan and timing only',
+        help='output folder of identify_bag, or a parameter file; without the report.json next to it, the band covers '
+        'scan and timing only',
     )
     parser.add_argument('--force', type=program.quantity('force'), required=True, metavar='N', help='wanted force [N]')
     parser.add_argument('--output', type=Path, required=True, metavar='DIR', help='folder for the preview')
