@@ -17,7 +17,7 @@ from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.path.identified import IdentifiedDevice
 from cfd_pneumatic.path.motion import PathMotion
 from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, delayed
-from cfd_pneumatic.path.thresholds import PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS
+from cfd_pneumatic.path.thresholds import DEVIATION, PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.runtime import map_in_threads
 
@@ -82,8 +82,8 @@ def _variance_of_parameters(
     def change(values: Mapping[str, Value]) -> Array:
         return simulator.simulate(identified.device.with_values(values), setpoints).force - response.force
 
-    changes = map_in_threads(change, [values for _, values in identified.deviations()])
-    return sum((difference**2 for difference in changes), start=np.zeros_like(response.force))
+    changes = map_in_threads(change, [values for _, values in identified.deviations(DEVIATION)])
+    return sum(((difference / DEVIATION) ** 2 for difference in changes), start=np.zeros_like(response.force))
 
 
 def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:
@@ -93,8 +93,9 @@ def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:
     variance = np.zeros_like(path.grid)
     for channel, error in identified.model_errors.items():
         scale = force_per_pascal if channel in CYLINDERS else 1.0
-        rest, motion = (size or 0.0 for size in (error.rest, error.motion))
-        variance += (scale * np.where(moves, motion, rest)) ** 2
+        known = [size for size in (error.rest, error.motion) if size is not None]
+        if known:
+            variance += (scale * np.where(moves, known[-1], known[0])) ** 2
     return variance
 
 

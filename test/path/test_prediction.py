@@ -98,11 +98,13 @@ def test_the_band_of_the_parameters_is_that_of_random_devices():
     random = np.random.default_rng(5)
     names = ('k_x', 'k_sv', 'k_v')
     nominal = [KNOWN.value(f'cylinder_a.{name}')[0] for name in names]
-    axes = [('cylinder_a', {f'cylinder_a.{name}': (1.05 * value,)}) for name, value in zip(names, nominal)]
 
     class Identified(IdentifiedDevice):
-        def deviations(self):
-            return axes
+        def deviations(self, share=1.0):
+            return [
+                ('cylinder_a', {f'cylinder_a.{name}': ((1.0 + 0.05 * share) * value,)})
+                for name, value in zip(names, nominal)
+            ]
 
     path = surface()
     predicted = force_on_path(Identified(KNOWN), path, force=20.0, feed=0.1).constant
