@@ -6,11 +6,13 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 import yaml
 from measured import ROOT as MEASURED
 from measured import needs_measured_data
 
+from studies.documents import path_picture
 from studies.documents.tutorial import HOLD_THE_FORCE, OWN_DATA, PAGES, PICTURE, blocks, run
 from studies.tools.provenance import ROOT
 
@@ -163,8 +165,16 @@ def test_the_page_on_the_installation_has_the_commands_of_the_readme():
     assert set(readme) <= set(commands(INSTALL))
 
 
-def test_the_picture_is_small():
+def test_the_pictures_are_small():
     assert 20_000 < PICTURE.stat().st_size < 300_000
+    assert 20_000 < path_picture.PICTURE.stat().st_size < 150_000
+
+
+def test_the_picture_of_the_forces_is_that_of_the_tutorial(tutorial):
+    _, forces = path_picture.plot_forces(tutorial.folder).axes
+    constant, held = (np.abs(forces.lines[index].get_ydata() - 30.0) for index in (0, 2))  # as recorded
+    assert np.max(constant) > 1.5
+    assert np.mean(held) < 0.2 * np.mean(constant)
 
 
 @pytest.mark.long
