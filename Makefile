@@ -36,7 +36,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws benchmark-foreign benchmark-hold monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-pictures example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws benchmark-foreign benchmark-hold monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-picture example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -112,8 +112,8 @@ effects-document: $(VENV)/.ready  ## write docs/reference/effects.md: every effe
 tutorial-picture: $(VENV)/.ready  ## take the picture of a report in docs/tutorials/first_report.md, with Chromium
 	$(PY) -m studies.documents.tutorial
 
-path-pictures: $(VENV)/.ready  ## write the pictures of docs/how_to/run_in_a_cell.md, before and after an identification; 1 minute
-	@sh scripts/path_pictures.sh $(PY)
+path-picture: $(VENV)/.ready  ## write docs/force_on_path.svg, the picture in README.md; 1 minute
+	$(PY) -m studies.documents.path_picture
 
 example-pages: $(VENV)/.ready  ## write a page of each kind, with screenshots, to build/example_pages; 5 minutes
 	$(PY) -m studies.documents.example_pages build/example_pages

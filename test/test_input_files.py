@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from cfd_pneumatic.commands.csv_to_bag import main as csv_to_bag
+from cfd_pneumatic.commands.force_on_path import main as force_on_path
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.commands.leak_test import main as leak_test
 from cfd_pneumatic.commands.plan_experiment import main as plan_experiment
@@ -21,6 +22,7 @@ from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.device import Device
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.files.inputs import MOST_HOLES, open_input, read_input
+from cfd_pneumatic.path import IdentifiedDevice
 
 TABLE_1 = Path(__file__).parents[1] / 'config' / 'table_1.yaml'
 
@@ -236,6 +238,20 @@ def as_a_schedule(folder, bags):
     return folder / 's.csv', (record_rig, ['s.csv', '--output', 'out'])
 
 
+def as_a_path(folder, bags):
+    return folder / 'surface.csv', force_of('surface.csv', TABLE_1)
+
+
+def as_a_device(folder, bags):
+    (folder / 'surface.csv').write_text('along_mm,error_mm\n0,0\n100,1\n')
+    return folder / 'device.yaml', force_of('surface.csv', 'device.yaml')
+
+
+def force_of(path, device):
+    given = [path, '--device', str(device), '--force', '20N', '--feed', '50mm/s', '--output', 'out']
+    return force_on_path, given
+
+
 ROLES = {
     'a mapping': in_a_mapping,
     'the mapping of a table': in_a_mapping_of_a_table,
@@ -251,7 +267,12 @@ ROLES = {
     'parameters': as_parameters,
     'a report': as_a_report,
     'a schedule': as_a_schedule,
+    'a path': as_a_path,
+    'a device': as_a_device,
 }
+
+
+MAY_BE_FOLDERS = ('a .mcap file', 'a .db3 file', 'a .bag file', 'a  file', 'a definition', 'a path', 'a device')
 
 
 @pytest.mark.timeout(60)
@@ -260,7 +281,7 @@ ROLES = {
 def test_no_reader_waits_for_what_is_no_file(tmp_path, monkeypatch, capsys, bags, role, kind):
     monkeypatch.chdir(tmp_path)
     path, (program, arguments) = ROLES[role](tmp_path, bags)
-    if kind == 'a folder' and role in ('a .mcap file', 'a .db3 file', 'a .bag file', 'a  file', 'a definition'):
+    if kind == 'a folder' and role in MAY_BE_FOLDERS:
         pytest.skip('a folder may have any name')
     KINDS[kind](path)
     assert program(arguments) == 2
@@ -286,6 +307,7 @@ def test_a_report_that_is_a_pipe_beside_parameters_is_left_alone(tmp_path):
     shutil.copy(TABLE_1, tmp_path / 'parameters.yaml')
     os.mkfifo(tmp_path / 'report.json')
     assert Device.load(tmp_path / 'parameters.yaml').given
+    assert IdentifiedDevice.load(tmp_path).covariances == {}
 
 
 SECRET = 'Zq7Xk9wVb2LmR4tY'
@@ -321,7 +343,7 @@ def test_no_reader_quotes_a_file(tmp_path, monkeypatch, capsys, bags, role, text
     path.write_text(TEXTS[text], encoding='latin-1')
     program(arguments)
     told = ''.join(capsys.readouterr())
-    if role in ('a table', 'a schedule'):
+    if role in ('a table', 'a schedule', 'a path'):
         assert all(len(cell) <= 40 for cell in re.findall('“(.*?)”', told))
         told = re.sub('“.*?”', '', told)
     pieces = {SECRET[at : at + 6] for at in range(len(SECRET) - 5)}

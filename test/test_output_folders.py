@@ -23,6 +23,7 @@ WRITES = {
     'identify_bag': ['parameters.yaml', 'report.json'],
     'plan_experiment': ['plan.html', 'plan.json', 'schedule.csv', 'schedule.svg'],
     'leak_test': ['leak.json', 'leak.svg'],
+    'force_on_path': ['preview.json', 'preview.mcap', 'report.html', 'schedule.csv'],
     'record_rig': ['metadata.yaml', 'out.mcap'],
 }
 """Programs that write a folder, and what they write into one that is called `out`."""
@@ -48,10 +49,13 @@ def arguments(bag, tmp_path_factory):
     """Return the arguments of each program, but for its output."""
     device = tmp_path_factory.mktemp('device')
     assert run('identify_bag', bag, '--output', device)[0] == 0
+    surface = bag.with_name('surface.csv')
+    surface.write_text('along_mm,error_mm\n0,0\n50,0.5\n100,0\n')
     return {
         'identify_bag': (bag,),
         'plan_experiment': (device / 'parameters.yaml', '--duration', '3', '--wanted', 'k_x', '--sample-rate', '50'),
         'leak_test': (bag,),
+        'force_on_path': (surface, '--device', device, '--force', '20N', '--feed', '50mm/s'),
         'record_rig': ('out_and_back',),
     }
 

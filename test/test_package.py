@@ -44,8 +44,8 @@ KEYS = {
 OPTIONAL = {'plant': {'dask', 'distributed', 'pyarrow'}, 'plot': {'matplotlib'}}
 """What only those need who want it: modules, named as on PyPI, by the extra that brings them."""
 
-USERS = {'plant': 'plant', 'plot': 'reporting'}
-"""The layer that imports what an extra brings."""
+USERS = {'plant': {'plant'}, 'plot': {'path', 'reporting'}}
+"""The layers that import what an extra brings."""
 
 
 SETUP = setup_arguments()
@@ -222,8 +222,8 @@ def test_what_is_imported_is_required_and_nothing_else():
 def test_an_extra_brings_what_its_layer_alone_imports(extra):
     brought = {re.match(r'[\w.-]+', line).group() for line in SETUP['extras_require'][extra]}
     assert brought - {'cryptography'} == OPTIONAL[extra]  # with which Dask makes certificates
-    assert OPTIONAL[extra] <= imported(f'cfd_pneumatic/{USERS[extra]}')
-    others = {path.name for path in (ROOT / 'cfd_pneumatic').iterdir() if path.is_dir()} - {USERS[extra]}
+    assert all(OPTIONAL[extra] <= imported(f'cfd_pneumatic/{layer}') for layer in USERS[extra])
+    others = {path.name for path in (ROOT / 'cfd_pneumatic').iterdir() if path.is_dir()} - USERS[extra]
     assert [name for name in others if imported(f'cfd_pneumatic/{name}') & OPTIONAL[extra]] == []
 
 

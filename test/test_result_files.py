@@ -10,11 +10,13 @@ import subprocess
 import pytest
 
 from cfd_pneumatic.commands.dask_certificate import main as dask_certificate
+from cfd_pneumatic.commands.force_on_path import main as force_on_path
 from cfd_pneumatic.commands.identify_bag import main as identify_bag
 from cfd_pneumatic.commands.leak_test import main as leak_test
 from cfd_pneumatic.commands.plan_experiment import main as plan_experiment
 from cfd_pneumatic.commands.record_rig import main as record_rig
 from cfd_pneumatic.convention import SCHEDULE_COLUMNS
+from cfd_pneumatic.path import PREVIEW_FILES
 from cfd_pneumatic.planning.report import FILES as PLAN_FILES
 from cfd_pneumatic.recording import BagWriter
 from cfd_pneumatic.reporting.folder import FILES as REPORT_FILES
@@ -23,6 +25,7 @@ RESULTS = {
     identify_bag: ['compare.mcap', 'parameters.yaml', 'report.html', 'report.json'],
     plan_experiment: ['plan.json', 'schedule.csv', 'schedule.svg'],
     leak_test: ['leak.json', 'leak.svg'],
+    force_on_path: ['preview.json', 'preview.mcap', 'report.html', 'schedule.csv'],
 }
 
 
@@ -45,10 +48,13 @@ def results(bag, tmp_path_factory):
 def arguments(bag, results):
     """Return the arguments of each program, but for its output."""
     device = str(results / 'parameters.yaml')
+    surface = results.with_name('surface.csv')
+    surface.write_text('along_mm,error_mm\n0,0\n50,0.5\n100,0\n')
     return {
         identify_bag: [str(bag), '--close-loop', '--progress', 'none'],
         plan_experiment: [device, '--duration', '3', '--wanted', 'k_x', '--sample-rate', '50'],
         leak_test: [str(bag)],
+        force_on_path: [str(surface), '--device', str(results), '--force', '20N', '--feed', '50mm/s'],
     }
 
 
@@ -153,6 +159,17 @@ def test_a_schedule_is_a_plan_s_beside_the_plan_alone(arguments, tmp_path):
     schedule.write_text(planned)
     (tmp_path / 'plan.json').unlink()
     assert not PLAN_FILES.is_earlier(schedule)
+
+
+def test_a_schedule_is_a_preview_s_beside_the_preview_alone(arguments, tmp_path, capsys):
+    planned, previewed = tmp_path / 'planned', tmp_path / 'previewed'
+    assert plan_experiment([*arguments[plan_experiment], '--output', str(planned)]) == 0
+    assert force_on_path([*arguments[force_on_path], '--output', str(previewed)]) == 0
+    assert PREVIEW_FILES.is_earlier(previewed / 'schedule.csv')
+    said = refusal(capsys, force_on_path, *arguments[force_on_path], '--output', planned)
+    assert f'{planned / "schedule.csv"} exists and may be yours' in said
+    said = refusal(capsys, plan_experiment, *arguments[plan_experiment], '--output', previewed)
+    assert f'{previewed / "schedule.csv"} exists and may be yours' in said
 
 
 def test_a_draft_is_not_replaced_for_it_is_there_to_be_edited(bag, tmp_path, capsys):

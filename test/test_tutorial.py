@@ -6,17 +6,22 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 import yaml
 from measured import ROOT as MEASURED
 from measured import needs_measured_data
 
-from studies.documents.tutorial import OWN_DATA, PAGES, PICTURE, blocks, run
+from studies.documents import path_picture
+from studies.documents.tutorial import HOLD_THE_FORCE, OWN_DATA, PAGES, PICTURE, blocks, run
 from studies.tools.provenance import ROOT
 
 TEXT = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in PAGES).replace('\n> ', ' ').split())
 """The text of all tutorials in one line, without the marks of quotations."""
 
+NUMBER = re.compile(r'\d[\d,.]*(?<![,.])')
+
+PREDICT_AND_HOLD = ROOT / 'docs' / 'how_to' / 'predict_and_hold_the_force.md'
 INSTALL = ROOT / 'docs' / 'how_to' / 'install.md'
 REAL = 'A real cylinder'
 
@@ -77,13 +82,62 @@ def test_an_unknown_characteristic_is_estimated_and_estimated_again_over_a_large
     assert "EffectParameter('place', 'Pa'" in draft
 
 
+def outputs(page):
+    """Yield the heading and the text of each printed answer on a page, in one line."""
+    heading = ''
+    for part in re.split(r'\n\n+', re.sub(r'^```.*?^```$', '', page.read_text(encoding='utf-8'), flags=re.M | re.S)):
+        heading = part.removeprefix('## ') if part.startswith('## ') else heading
+        if part.startswith('    '):
+            yield heading, ' '.join(part.split())
+
+
+def numbers_in(text):
+    return [float(number.replace(',', '')) for number in NUMBER.findall(text)]
+
+
+@pytest.mark.parametrize(('heading', 'text'), outputs(HOLD_THE_FORCE), ids=lambda text: text[:20])
+def test_the_answers_on_the_force_are_those_that_the_page_shows(tutorial, heading, text):
+    pattern = NUMBER.sub('NUMBER', text)
+    printed = ' '.join(tutorial.said[heading].split())
+    found = re.search(re.escape(pattern).replace('NUMBER', NUMBER.pattern), printed)
+    assert found is not None, f'{text}\nis not in\n{printed}'
+    assert numbers_in(found[0]) == pytest.approx(numbers_in(text), rel=0.1, abs=0.006)
+
+
+def test_the_readme_has_answers_of_the_tutorial():
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^\| (?:Which|How)[^|]*\? \| (.*) \|$', readme.partition('hold the force\n\n')[2], re.MULTILINE)
+    page = ' '.join(HOLD_THE_FORCE.read_text(encoding='utf-8').split())
+    assert len(rows[:3]) == 3
+    assert all(row.rpartition(': ')[2] in page for row in rows[:3])
+
+
+def test_the_lines_in_python_on_holding_the_force_run(tutorial):
+    code = ''.join(block.text for block in blocks(PREDICT_AND_HOLD) if block.language == 'python')
+    environment = tutorial.environment | {'MPLBACKEND': 'agg'}
+    lines = run(f"python3 - <<'PYTHON'\n{code}PYTHON\n", tutorial.folder, environment).splitlines()
+    assert [line for line in lines if line.startswith('Held force')]
+    assert (tutorial.folder / 'preview' / 'schedule.csv').read_text().count('\n') > 2000
+
+
+def test_held_setpoints_keep_the_tolerance_that_constant_ones_violate(tutorial):
+    constant, held = (
+        float(size) for size in re.findall(r'force error ([\d.]+) N', tutorial.said['Play both on the rig'])
+    )
+    assert held < 0.2 * constant
+    preview = json.loads((tutorial.folder / 'held' / 'preview.json').read_text())
+    assert preview['tolerance_n'] == 1.5
+    assert any(violation['is_certain'] for violation in preview['constant']['violations'])
+    assert preview['held']['violations'] == []
+
+
 def test_nothing_that_it_wants_is_compiled_again(compiled, tutorial):
     assert tutorial.machine_code == compiled.said['machine code']
 
 
 def test_every_program_that_runs_on_is_in_the_tutorial_on_the_monitor():
     started = [[block.text.split()[0] for block in blocks(page) if block.language == 'bash'] for page in PAGES]
-    assert started == [[], [], ['rig_node', 'sim_node', 'monitor_node', 'python3']]
+    assert started == [[], [], [], ['rig_node', 'sim_node', 'monitor_node', 'python3']]
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.stem)
@@ -111,8 +165,16 @@ def test_the_page_on_the_installation_has_the_commands_of_the_readme():
     assert set(readme) <= set(commands(INSTALL))
 
 
-def test_the_picture_is_small():
+def test_the_pictures_are_small():
     assert 20_000 < PICTURE.stat().st_size < 300_000
+    assert 20_000 < path_picture.PICTURE.stat().st_size < 150_000
+
+
+def test_the_picture_of_the_forces_is_that_of_the_tutorial(tutorial):
+    _, forces = path_picture.plot_forces(tutorial.folder).axes
+    constant, held = (np.abs(forces.lines[index].get_ydata() - 30.0) for index in (0, 2))  # as recorded
+    assert np.max(constant) > 1.5
+    assert np.mean(held) < 0.2 * np.mean(constant)
 
 
 @pytest.mark.long

@@ -71,15 +71,16 @@ def make_parser() -> argparse.ArgumentParser:
         'path',
         type=Path,
         metavar='PATH',
-        help='table along_m,error_m (distance of the surface from the taught path) or time_s,displacement_m, also in '
-        'other units (along_mm); or a bag with piston_state, nav_msgs/Path or trajectory_msgs/JointTrajectory',
+        help='table along_m,error_m (surface minus taught path) or time_s,displacement_m, in any unit (along_mm); or a '
+        'bag with piston_state, nav_msgs/Path or trajectory_msgs/JointTrajectory',
     )
     parser.add_argument(
         '--device',
         type=Path,
         required=True,
         metavar='DIR',
-        help='output folder of identify_bag, or a parameter file, without which the band covers scan and timing only',
+        help='output folder of identify_bag, or a parameter file; without the report.json next to it, the band covers '
+        'scan and timing only',
     )
     parser.add_argument('--force', type=program.quantity('force'), required=True, metavar='N', help='wanted force [N]')
     parser.add_argument('--output', type=Path, required=True, metavar='DIR', help='folder for the preview')

@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import Any, NoReturn, TextIO
 
 from cfd_pneumatic import __version__
 from cfd_pneumatic.convention import AMBIENT_PRESSURE, AMBIENT_PRESSURES
@@ -31,6 +31,10 @@ _LONGEST_MESSAGE = 400  # characters of a message of argparse, which may list al
 _QUANTITY = re.compile(r'([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z%/]*)')
 
 
+_NEGATIVE_NUMBER = re.compile(r'-\.?[0-9].*')
+"""A negative number with or without a unit; argparse itself recognises neither units nor exponents."""
+
+
 class _Formatter(argparse.HelpFormatter):
     """A formatter that keeps the line breaks of an example."""
 
@@ -39,7 +43,11 @@ class _Formatter(argparse.HelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that reports a wrong argument as an `InputError`, like all other bad input."""
+    """A parser that reports a wrong argument as an `InputError`, and takes `-20N` for a number, not for an option."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = _NEGATIVE_NUMBER
 
     def error(self, message: str) -> NoReturn:
         shown = message if len(message) <= _LONGEST_MESSAGE else f'{message[:_LONGEST_MESSAGE]} ...'

@@ -67,7 +67,9 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the program's arguments."""
     parser = program.parser_of(NAME, 'Play a schedule on the virtual rig and write the sensor signals as a ROS 2 bag.')
     parser.add_argument(
-        'schedule', metavar='SCHEDULE', help=f'{", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment'
+        'schedule',
+        metavar='SCHEDULE',
+        help=f'{", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment or force_on_path',
     )
     parser.add_argument('--output', type=Path, required=True, metavar='BAG', help='folder of the bag to write')
     for option, metavar, text in (

@@ -152,7 +152,7 @@ class RigNode(BoundedNode):
             '',
             text(
                 'schedule to play; none, or empty: follow piston_command',
-                f'none, {", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment',
+                f'none, {", ".join(SCHEDULES)}, or the schedule.csv of plan_experiment or force_on_path',
             ),
         )
         declare(

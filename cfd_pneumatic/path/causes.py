@@ -36,8 +36,8 @@ def force_causes(simulator: PathSimulator, device: Device, setpoints: Setpoints,
     """
     Return the causes of the force error along a path.
 
-    A cause is measured by a simulation without its effects. The mean of each difference is left out, because constant
-    set-points compensate it.
+    A cause is measured by a simulation without its effects. The mean of each difference does not count, because
+    constant set-points compensate it.
 
     Parameters
     ----------

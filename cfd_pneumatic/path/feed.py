@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from scipy.optimize import brentq
 
-from cfd_pneumatic.path.thresholds import FASTEST_FEED, FEED_TOLERANCE, LONGEST_PATH, SLOWEST_FEED
+from cfd_pneumatic.path.thresholds import FASTEST_FEED, FEED_TOLERANCE, LONGEST_PATH, SLOWEST_SHARE
 
 
 class FastestFeed(NamedTuple):
@@ -31,19 +31,19 @@ def fastest_feed(error_at: Callable[[float], float], length: float, tolerance: f
     error_at
         Returns the largest error of the force at a feed [N].
     length
-        Length of the path [m]; the slowest feed takes `LONGEST_PATH`.
+        Length of the path [m]; a path takes at most `LONGEST_PATH`.
     tolerance
         Largest accepted error [N].
     start
-        Feed at which the search begins [m/s].
+        Feed at which the search begins [m/s]; slower feeds are searched down to a share, `SLOWEST_SHARE`.
 
     """
-    slowest = max(SLOWEST_FEED, 1.01 * length / LONGEST_PATH)
+    slowest = max(SLOWEST_SHARE * start, 1.01 * length / LONGEST_PATH)
 
     def excess(logarithm: float) -> float:
         return error_at(math.exp(logarithm)) - tolerance
 
-    low = high = math.log(min(max(start, slowest), FASTEST_FEED))
+    low = high = math.log(min(start, FASTEST_FEED))
     if excess(low) > 0.0:
         while excess(low) > 0.0:
             if low <= math.log(slowest):

@@ -86,8 +86,8 @@ def _write_bag(preview: Preview, path: Path) -> None:
     with BagWriter(bag) as writer:
         writer.write_streams(streams)
     os.replace(next(bag.glob('*.mcap')), path)
-    for left in bag.iterdir():
-        left.unlink()
+    for remaining in bag.iterdir():
+        remaining.unlink()
     bag.rmdir()
 
 

@@ -3,9 +3,9 @@
 Set-points over time that hold the force along a path: the inverse of the identified model.
 
 Equation (12) at constant pressure needs a set-point that leads the pressure by K_x / K times the speed. Effects,
-friction, dead time and lag of the command change this lead. The inversion therefore iterates: it simulates, converts
-the force error to an error of each pressure, and solves the linearised response of the pressure to each set-point of
-the schedule for the corrections, in the sense of least squares.
+friction, dead time and lag of the command change this lead. The inversion therefore iterates. It simulates, and
+converts the force error to an error of each pressure. Least squares then give the corrections of the set-points from
+the linearised response of the pressure to each set-point of the schedule.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -34,8 +35,10 @@ from cfd_pneumatic.path.thresholds import (
     LEAST_GAIN,
     LONGEST_RESPONSE,
     MOST_ITERATIONS,
+    MOST_MEASUREMENTS,
     SETTLING_TIME_CONSTANTS,
     SMOOTHNESS,
+    STEP_SHARES,
 )
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.runtime import map_in_threads
@@ -105,7 +108,7 @@ def held_setpoints(
     simulator, device
         The path and the device.
     constant
-        Constant gauge set-points, with which the iteration begins and whose mean pressure is kept [Pa].
+        Constant gauge set-points [Pa]; the iteration begins with them, and keeps their mean pressure.
     target
         Wanted force [N].
     regulators
@@ -120,6 +123,23 @@ def held_setpoints(
     return _Inversion(simulator, device, target, regulators).solve(constant)
 
 
+_Solver = Callable[[Array], Array]
+"""Converts a change of a pressure, shape (n,) [Pa], to changes of the set-points, shape (k,) [Pa]."""
+
+
+class _State(NamedTuple):
+    """A state of the iteration."""
+
+    levels: Mapping[str, Array]
+    """Gauge set-points by cylinder, each (k,) [Pa]."""
+
+    response: PathResponse
+    """Response of the device."""
+
+    error: float
+    """Root mean square of the force error on the path [N]."""
+
+
 class _Inversion:
     """Iteration from constant set-points to set-points that hold the force."""
 
@@ -131,37 +151,47 @@ class _Inversion:
         self._scale = device.number('area') * device.number('geometric_factor')
 
     def solve(self, constant: Mapping[str, float]) -> dict[str, Signal]:
-        """Return the set-points after the last iteration that reduced the force error."""
-        levels = {name: np.full(self._times.size, level) for name, level in constant.items()}
-        response = self._simulate(levels)
-        total = sum(float(pressure[0]) for pressure in response.pressures.values())
-        solvers = {name: self._solver(levels, name, response.pressures[name]) for name in levels}
-        error = self._error(response)
-        for _ in range(MOST_ITERATIONS):
-            corrections = self._pressure_corrections(response, total)
-            changed = {
-                name: self._regulators.limited(level + solvers[name](corrections[name]))
-                for name, level in levels.items()
-            }
-            changed_response = self._simulate(changed)
-            changed_error = self._error(changed_response)
-            if not changed_error < error:
-                break
-            gain = 1.0 - changed_error / error
-            levels, response, error = changed, changed_response, changed_error
-            if gain < LEAST_GAIN:
-                break
-        return self._signals(levels)
+        """
+        Return the set-points after the last iteration that reduced the force error.
 
-    def _simulate(self, levels: Mapping[str, Array]) -> PathResponse:
-        return self._simulator.simulate(self._device, self._signals(levels))
+        The responses are measured again if no step along the corrections reduces the error enough: they depend on
+        the valve that acts, and thus on the set-points.
+        """
+        state = self._state({name: np.full(self._times.size, level) for name, level in constant.items()})
+        total = sum(float(pressure[0]) for pressure in state.response.pressures.values())
+        for _ in range(MOST_MEASUREMENTS):
+            solvers = {name: self._solver(state, name) for name in state.levels}
+            begin = state
+            for _ in range(MOST_ITERATIONS):
+                improved = self._improved(state, solvers, total)
+                if improved.error > (1.0 - LEAST_GAIN) * state.error:
+                    break
+                state = improved
+            if state.error > (1.0 - LEAST_GAIN) * begin.error:
+                break
+        return self._signals(state.levels)
+
+    def _state(self, levels: Mapping[str, Array]) -> _State:
+        """Return the state at set-points of each cylinder, each (k,) [Pa]."""
+        response = self._simulator.simulate(self._device, self._signals(levels))
+        return _State(levels, response, rms(response.force[self._simulator.path.is_on_path] - self._target))
+
+    def _improved(self, state: _State, solvers: Mapping[str, _Solver], total: float) -> _State:
+        """Return the best state along the corrections: after a whole step, or after a share of the step."""
+        corrections = self._pressure_corrections(state.response, total)
+        changes = {name: solvers[name](corrections[name]) for name in state.levels}
+        states = []
+        for share in STEP_SHARES:
+            levels = {
+                name: self._regulators.limited(level + share * changes[name]) for name, level in state.levels.items()
+            }
+            states.append(self._state(levels))
+            if states[-1].error < state.error:
+                break
+        return min(states, key=lambda candidate: candidate.error)
 
     def _signals(self, levels: Mapping[str, Array]) -> dict[str, Signal]:
         return {name: Signal(self._times, level) for name, level in levels.items()}
-
-    def _error(self, response: PathResponse) -> float:
-        """Return the root mean square of the force error on the path [N]."""
-        return rms(response.force[self._simulator.path.is_on_path] - self._target)
 
     def _pressure_corrections(self, response: PathResponse, total: float) -> dict[str, Array]:
         """
@@ -176,7 +206,7 @@ class _Inversion:
         shared = common if count == len(CYLINDERS) else np.zeros_like(difference)
         return {name: signs[name] * difference / count + shared for name in response.pressures}
 
-    def _solver(self, levels: Mapping[str, Array], name: str, pressure: Array) -> Callable[[Array], Array]:
+    def _solver(self, state: _State, name: str) -> _Solver:
         """
         Return the function that converts a change of a cylinder's pressure to changes of its set-points.
 
@@ -189,9 +219,10 @@ class _Inversion:
 
         def responses(first: int) -> Array:
             """Return the response to every set-point from a first one on, each `spacing` set-points apart."""
-            changed = levels[name].copy()
+            changed = state.levels[name].copy()
             changed[first::spacing] += CHANGE
-            return (self._simulate({**levels, name: changed}).pressures[name] - pressure) / CHANGE
+            response = self._state({**state.levels, name: changed}).response
+            return (response.pressures[name] - state.response.pressures[name]) / CHANGE
 
         rows, columns, values = [], [], []
         for first, response in enumerate(map_in_threads(responses, range(spacing))):

@@ -213,7 +213,8 @@ def _fastest_feeds(
     identified: IdentifiedDevice, surface: Surface, constant: Prediction, task: Task
 ) -> FastestFeed | None:
     """Return the fastest feeds at the constant set-points that keep the tolerance."""
-    if task.tolerance is None or task.feed is None:
+    tolerance = task.tolerance
+    if tolerance is None or task.feed is None:
         return None
     shift = float(constant.path.displacement[0] - surface.error[0])
 
@@ -226,15 +227,17 @@ def _fastest_feeds(
         return float(np.max(np.abs(force[simulator.path.is_on_path] - task.force)))
 
     def possible_error(feed: float) -> float:
-        simulator = at_feed(feed)
-        prediction = predict(simulator, identified, constant.setpoints, task.force, None, task.errors)
+        predicted = predicted_error(feed)
+        if predicted > tolerance:
+            return predicted  # the band takes most of the time, and would not change the answer
+        prediction = predict(at_feed(feed), identified, constant.setpoints, task.force, None, task.errors)
         return prediction.largest_possible_error
 
     length = float(surface.along[-1])
-    predicted = fastest_feed(predicted_error, length, task.tolerance, task.feed)
+    predicted = fastest_feed(predicted_error, length, tolerance, task.feed)
     if predicted is None:
         return FastestFeed(None, None)
-    return FastestFeed(predicted, fastest_feed(possible_error, length, task.tolerance, predicted))
+    return FastestFeed(predicted, fastest_feed(possible_error, length, tolerance, predicted))
 
 
 def _held(

@@ -12,7 +12,7 @@ from cfd_pneumatic.identification import number
 from cfd_pneumatic.path.motion import PathMotion
 from cfd_pneumatic.path.prediction import Prediction, Violation
 from cfd_pneumatic.path.preview import Held, Preview
-from cfd_pneumatic.path.thresholds import LATEST, MOST_PLACES
+from cfd_pneumatic.path.thresholds import LATEST, MOST_PLACES, SLOWEST_SHARE
 
 _LITRES_PER_MINUTE = 6e4
 """l/min in a m^3/s."""
@@ -101,14 +101,15 @@ def place_text(path: PathMotion, time: float) -> str:
 
 
 def _feed_text(preview: Preview) -> str:
-    feed, tolerance = preview.feed, preview.task.tolerance
-    if feed is None or tolerance is None:
+    feed, tolerance, wanted = preview.feed, preview.task.tolerance, preview.task.feed
+    if feed is None or tolerance is None or wanted is None:
         return ''
     if feed.predicted is None:
-        return f'No feed keeps ± {tolerance:.3g} N with these set-points.'
+        slowest = f'{1e3 * SLOWEST_SHARE * wanted:.2g} mm/s'
+        return f'No feed down to {slowest} keeps ± {tolerance:.3g} N with these set-points.'
     predicted = f'{1e3 * feed.predicted:.3g} mm/s keep the tolerance as predicted'
     if feed.with_band is None:
-        return f'{predicted}; no feed keeps it within the whole band.'
+        return f'{predicted}; no feed down to a sixteenth of that keeps it within the band.'
     return f'{predicted}, {1e3 * feed.with_band:.3g} mm/s within the whole band.'
 
 
@@ -129,6 +130,8 @@ def _held_text(held: Held, constant: Prediction) -> str:
         f'at most {number(prediction.largest_error, 2)} N. '
         f'The 95 % band is ± {number(prediction.rms_band, 2)} N on average. '
     )
+    if kept := _tolerance_text(prediction):
+        text += f'{kept} '
     if not held.is_promised:
         text += 'The band is wider than the benefit: a smaller error is not promised. '
     if held.latest >= LATEST:

@@ -66,8 +66,14 @@ SCANS = 8
 
 # Feed: feed.py
 
-SLOWEST_FEED, FASTEST_FEED = 1e-4, 10.0
-"""Feeds between which the fastest is searched [m/s]. Origin: slower and faster robots do not deburr."""
+FASTEST_FEED = 10.0
+"""Fastest feed that is searched [m/s]. Origin: faster robots do not deburr."""
+
+SLOWEST_SHARE = 1.0 / 16.0
+"""
+Slowest feed that is searched, as a share of the wanted feed [-].
+Origin: slower feeds help little, because friction then determines the error; their simulation takes minutes.
+"""
 
 FEED_TOLERANCE = 0.01
 """End of the search for a feed, as a share of the feed [-]. Origin: robots are programmed in such steps."""
@@ -82,6 +88,16 @@ Origin: half of the rate of the grid, and ten times that of the regulators.
 
 MOST_ITERATIONS = 8
 """Most iterations of the inversion of the model [1]. Origin: the error falls by a factor of ten in the first two."""
+
+MOST_MEASUREMENTS = 3
+"""
+Most measurements of the responses [1].
+Origin: device 2000 of `studies.hold` at 100 Hz: 0.67 N after a first step with the first responses, 0.02 N with later
+ones.
+"""
+
+STEP_SHARES = (1.0, 0.5, 0.25)
+"""Shares of a step that are tried in turn [-]. Origin: a whole step overshoots where the other valve begins to act."""
 
 LEAST_GAIN = 0.02
 """

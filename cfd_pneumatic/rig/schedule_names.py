@@ -42,7 +42,7 @@ SCHEDULES: dict[str, Callable[..., Schedule]] = {
 
 def schedule_named(name: str, **options: float) -> Schedule:
     """
-    Return a schedule by its name, or from a file that `plan_experiment` wrote.
+    Return a schedule by its name, or from a file that `plan_experiment` or `force_on_path` wrote.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def _columns(path: Path) -> Array:
         if not np.isfinite(rows).all() or rows[0, 0] != 0.0 or not np.all(np.diff(rows[:, 0]) > 0.0):
             raise InputError('is not a schedule: it must have finite numbers, and times that increase from 0 on')
     except InputError as error:
-        raise InputError(f'{path} {error}; give a schedule written by plan_experiment') from error
+        raise InputError(f'{path} {error}; give a schedule written by plan_experiment or force_on_path') from error
     except ValueError as error:
         raise InputError(f'{path} is not a schedule: each row must have {count} numbers') from error
     return rows.T

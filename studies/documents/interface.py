@@ -29,6 +29,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from cfd_pneumatic.convention import CYLINDERS, EITHER, SCHEDULE_COLUMNS, meaning
 from cfd_pneumatic.files import write_text
 from cfd_pneumatic.model import EFFECTS, FORCE_PARTS, GENERIC
+from cfd_pneumatic.path import BAG_FILE, PREVIEW_FILE
 from cfd_pneumatic.planning import PLAN_FILE, SCHEDULE_FILE
 from cfd_pneumatic.plant import COLUMNS, CSV_FILE, PARQUET_FILE
 from cfd_pneumatic.reporting import PARAMETER_FILE, REPORT_FILE
@@ -352,6 +353,11 @@ def _effects(entries: Entries) -> Iterator[str]:
 def _files() -> Iterable[str]:
     yield '## Files'
     yield (
+        f'`{PREVIEW_FILE}` of `force_on_path` is JSON with units in the keys; '
+        '[predict and hold the force](../how_to/predict_and_hold_the_force.md#what-the-files-contain) lists the keys. '
+        f'`{BAG_FILE}` has the same signals as a bag.'
+    )
+    yield (
         f'`{REPORT_FILE}` of `identify_bag` and `{PLAN_FILE}` of `plan_experiment` are JSON with units in the keys, '
         'written by [`data.py`: `report_data`](../../cfd_pneumatic/reporting/data.py) and [`report.py`: `plan_data`]'
         f'(../../cfd_pneumatic/planning/report.py). `{PARAMETER_FILE}` has the parameters above.'
@@ -364,7 +370,10 @@ def _files() -> Iterable[str]:
         '`motion`; null without such samples. They are of the part that the report judges.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
-    yield f'Columns of `{SCHEDULE_FILE}`, set-points gauge and valid from their time on: {columns}.'
+    yield (
+        f'Columns of `{SCHEDULE_FILE}` of `plan_experiment` and `force_on_path`, set-points gauge and valid from their '
+        f'time on: {columns}.'
+    )
     yield f'Columns of `{CSV_FILE}` and `{PARQUET_FILE}`, which `identify_bag --each` writes:'
     yield table(
         ['column', 'kind', 'unit', 'meaning'],

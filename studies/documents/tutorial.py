@@ -21,8 +21,8 @@ from studies.documents import package_facts
 from studies.tools.chromium import Chromium
 from studies.tools.provenance import ROOT
 
-PAGES = FIRST_REPORT, OWN_DATA, MONITOR = tuple(
-    ROOT / 'docs' / 'tutorials' / f'{name}.md' for name in ('first_report', 'own_data', 'monitor')
+PAGES = FIRST_REPORT, OWN_DATA, HOLD_THE_FORCE, MONITOR = tuple(
+    ROOT / 'docs' / 'tutorials' / f'{name}.md' for name in ('first_report', 'own_data', 'hold_the_force', 'monitor')
 )
 """The tutorials, in the order in which a user reads them."""
 
