@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Estimate by how much a model errs beyond the sensor's noise, while the piston rests and while it moves."""
+"""Estimate by how much a model errs beyond the sensor's noise: at rest, in motion, and after steps of a set-point."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cfd_pneumatic.arrays import Array, Mask
+from cfd_pneumatic.arrays import Array, Indices, Mask
 from cfd_pneumatic.identification.channels import Channel
 from cfd_pneumatic.identification.data import Experiment
 from cfd_pneumatic.identification.residual import variance_of_mean
@@ -30,11 +30,14 @@ class ModelError:
         While piston and set-point rest [Pa or N]; None without such samples.
     motion
         While the piston moves, or a pressure settles afterwards [Pa or N]; None without such samples.
+    per_step
+        Shortly after a step of the set-point, relative to the step [-]; None without steps, and for the force.
 
     """
 
     rest: float | None
     motion: float | None
+    per_step: float | None = None
 
 
 def error_beyond_noise(result: ChannelResult) -> ModelError:
@@ -48,17 +51,52 @@ def error_beyond_noise(result: ChannelResult) -> ModelError:
     squares: dict[bool, list[Array]] = {True: [], False: []}
     for comparison, counts in zip(result.comparisons, _counted(result)):
         experiment, residual = comparison.experiment, comparison.residual(which)
-        count = max(round(SMOOTHING_TIME / experiment.period), 1)
-        remaining_noise = result.noise.std**2 * variance_of_mean(result.noise.coefficients, count)
         is_rest = _is_rest(result.channel, experiment)
-        for run in _runs(counts):
-            if run.stop - run.start >= count:
-                mean = np.convolve(residual[run], np.full(count, 1.0 / count), 'valid')
-                middle = run.start + count // 2
-                resting = is_rest[middle : middle + mean.size]
-                for rest in (True, False):
-                    squares[rest].append(mean[resting == rest] ** 2 - remaining_noise)
-    return ModelError(*(_root_of_mean(squares[rest]) for rest in (True, False)))
+        for samples, excess in _squares_beyond_noise(result, experiment, residual, counts):
+            for rest in (True, False):
+                squares[rest].append(excess[is_rest[samples] == rest])
+    return ModelError(_root_of_mean(squares[True]), _root_of_mean(squares[False]), _error_per_step(result, which))
+
+
+def _error_per_step(result: ChannelResult, which: int) -> float | None:
+    """
+    Return the error shortly after the steps of a cylinder's set-point, relative to the steps; None without steps.
+
+    All parts of the recordings count, because a test part may have no steps.
+    """
+    errors, steps = [], []
+    for comparison in result.comparisons:
+        experiment, residual = comparison.experiment, comparison.residual(which)
+        if _SETPOINTS[0] not in experiment.inputs:
+            return None
+        times, levels = experiment.sample_times, experiment.inputs[_SETPOINTS[0]]
+        changes = np.flatnonzero(np.diff(levels))
+        if not changes.size:
+            continue
+        last = np.searchsorted(experiment.times[changes], times) - 1
+        follows = (last >= 0) & (times - experiment.times[changes][last] <= STEP_SETTLING_TIME)
+        sizes = np.diff(levels)[changes][last]
+        for samples, excess in _squares_beyond_noise(result, experiment, residual, follows & experiment.settled):
+            errors.append(excess)
+            steps.append(sizes[samples] ** 2)
+    error, step = _root_of_mean(errors), _root_of_mean(steps)
+    return None if error is None or not step else error / step
+
+
+def _squares_beyond_noise(
+    result: ChannelResult, experiment: Experiment, residual: Array, counts: Mask
+) -> Iterator[tuple[Indices, Array]]:
+    """
+    Yield the samples and the squares of the smoothed residual, minus the noise that remains in them.
+
+    A run of samples that count gives a square for each whole moving mean over `SMOOTHING_TIME`.
+    """
+    count = max(round(SMOOTHING_TIME / experiment.period), 1)
+    remaining_noise = result.noise.std**2 * variance_of_mean(result.noise.coefficients, count)
+    for run in _runs(counts):
+        if run.stop - run.start >= count:
+            mean = np.convolve(residual[run], np.full(count, 1.0 / count), 'valid')
+            yield run.start + count // 2 + np.arange(mean.size), mean**2 - remaining_noise
 
 
 def _counted(result: ChannelResult) -> list[Mask]:

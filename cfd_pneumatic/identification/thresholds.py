@@ -110,10 +110,10 @@ LEAST_OUTSIDE_SHARE = 0.01
 
 # Error of the model beyond the noise: model_error.py
 
-SMOOTHING_TIME = 0.1
+SMOOTHING_TIME = 0.02
 """
-Length of the moving mean that removes the sensor's noise from a residual [s]. White noise falls to a seventh at 500 Hz.
-Origin: chosen; shorter errors hardly move a robot or a tool.
+Length of the moving mean that removes most of the sensor's noise from a residual [s].
+Origin: a mean over 0.1 s hid half of the error at reversals of the piston (device 2000 of `studies.hold`).
 """
 
 STEP_SETTLING_TIME = 0.3

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d, minimum_filter1d
 
 from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
@@ -16,8 +16,8 @@ from cfd_pneumatic.device import Device, Value
 from cfd_pneumatic.errors import InputError
 from cfd_pneumatic.path.identified import IdentifiedDevice
 from cfd_pneumatic.path.motion import PathMotion
-from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, delayed
-from cfd_pneumatic.path.thresholds import DEVIATION, PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS
+from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, acting_at, delayed
+from cfd_pneumatic.path.thresholds import DEVIATION, PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS, STEP_TIME
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.runtime import map_in_threads
 
@@ -67,7 +67,7 @@ def force_variances(
     """
     variances = {
         'parameters': _variance_of_parameters(simulator, identified, setpoints, response),
-        'model': _variance_of_model(simulator.path, identified),
+        'model': _variance_of_model(simulator.path, identified, setpoints),
     }
     if errors.scan > 0.0:
         variances['scan'] = _variance_of_scan(simulator.path, identified.device, setpoints, response, errors.scan)
@@ -86,8 +86,13 @@ def _variance_of_parameters(
     return sum(((difference / DEVIATION) ** 2 for difference in changes), start=np.zeros_like(response.force))
 
 
-def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:
-    """Return the variance of the error that the identification left, at rest or in motion [N^2]."""
+def _variance_of_model(path: PathMotion, identified: IdentifiedDevice, setpoints: Setpoints) -> Array:
+    """
+    Return the variance of the error that the identification left, at rest or in motion [N^2].
+
+    Set-points that change add the error that the identification left after steps, in proportion to their range over
+    the time in which a step settles.
+    """
     force_per_pascal = identified.device.number('area') * identified.device.number('geometric_factor')
     moves = path.speed_at(path.grid) != 0.0
     variance = np.zeros_like(path.grid)
@@ -96,7 +101,17 @@ def _variance_of_model(path: PathMotion, identified: IdentifiedDevice) -> Array:
         known = [size for size in (error.rest, error.motion) if size is not None]
         if known:
             variance += (scale * np.where(moves, known[-1], known[0])) ** 2
+        level = setpoints.get(channel)
+        if isinstance(level, Signal) and error.per_step is not None:
+            variance += (scale * error.per_step * _recent_range(acting_at(level, path.grid))) ** 2
     return variance
+
+
+def _recent_range(levels: Array) -> Array:
+    """Return the range of set-points over the last `STEP_TIME`, shape (n,) [Pa]."""
+    window = round(STEP_TIME / PERIOD)
+    recent = {'size': window, 'origin': (window - 1) // 2, 'mode': 'nearest'}
+    return np.asarray(maximum_filter1d(levels, **recent) - minimum_filter1d(levels, **recent))
 
 
 def _variance_of_scan(

@@ -49,6 +49,12 @@ Origin: parameters that a recording hardly determines compensate each other to f
 deviations the band of a device with a curve was 65 times too wide.
 """
 
+STEP_TIME = 0.3
+"""
+Time after a change of a set-point in which the model errs by the change [s].
+Origin: `identification.thresholds.STEP_SETTLING_TIME`, over which that error is averaged.
+"""
+
 SCAN_LENGTH = 5e-3
 """
 Distance over which the error of a scan of the surface changes [m].

@@ -134,8 +134,8 @@ def correlations_of(matrix: Array) -> tuple[Array, Array]:
 
 def _model_error(channel: str, entry: object) -> ModelError:
     """Return a model error of JSON types; null is unknown."""
-    values = [entry.get(name, math.nan) for name in ('rest', 'motion')] if isinstance(entry, dict) else [math.nan]
+    defaults = {'rest': math.nan, 'motion': math.nan, 'per_step': None}
+    values = [entry.get(name, missing) for name, missing in defaults.items()] if isinstance(entry, dict) else [math.nan]
     if not all(value is None or (_is_number(value) and value >= 0.0) for value in values):
         raise InputError(f'has a model error of {channel} that is not positive or null, at rest and in motion')
-    rest, motion = (None if value is None else float(value) for value in values)
-    return ModelError(rest, motion)
+    return ModelError(*(None if value is None else float(value) for value in values))

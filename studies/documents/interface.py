@@ -367,7 +367,8 @@ def _files() -> Iterable[str]:
         'names of the `parameters` and their `matrix`, in products of their units. Names are those of the estimates, '
         'heights of a curve (`curve.w0`) and `setpoint_offset`. Parameters that the fit held have no row. '
         '`model_error_pa` and `model_error_n` have the RMS error beyond the noise while the piston is at `rest` and in '
-        '`motion`; null without such samples. They are of the part that the report judges.'
+        '`motion`; null without such samples. They are of the part that the report judges. `per_step` is the error '
+        'shortly after a step of the set-point, relative to the step, in all parts.'
     )
     columns = ', '.join(map(code, SCHEDULE_COLUMNS))
     yield (

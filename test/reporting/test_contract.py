@@ -72,7 +72,7 @@ CYLINDER = {
 }
 UNCERTAINTY = {
     'covariance': {'parameters': [str], 'matrix': [[NUMBER]]},
-    'model_error_pa': {'rest': (*NUMBER, OR_NONE), 'motion': (*NUMBER, OR_NONE)},
+    'model_error_pa': dict.fromkeys(('rest', 'motion', 'per_step'), (*NUMBER, OR_NONE)),
 }
 """What 0.3.0 added to a cylinder."""
 RECORDING = {'name': str, 'displacement_samples': int, 'duration_s': NUMBER, 'travel_m': [NUMBER], 'notes': [str]}
