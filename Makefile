@@ -36,7 +36,7 @@ endif
 # Set by the start-up hook of ROS 2's wheels where one of their programs runs make; it would disable ours.
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws benchmark-foreign monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-picture example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
+.PHONY: help setup test test-long check properties fuzz crash soak mistakes measured-runs coverage demo benchmark speed-document benchmark-effects benchmark-laws benchmark-foreign benchmark-hold monitor-figures planning-document layouts interface-document effects-document tutorial-picture path-picture example-pages notebook site kernel prose lint format lock licences sbom colcon test-humble clean
 .DELETE_ON_ERROR:
 
 help:  ## list the targets
@@ -93,6 +93,9 @@ benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the righ
 
 benchmark-foreign: $(VENV)/.ready  ## identify devices with other equations, write docs/measurements/foreign.md; 20 minutes
 	$(PY) -m studies.foreign.benchmark_foreign --output docs/measurements/foreign.md $(ARGS)
+
+benchmark-hold: $(VENV)/.ready  ## predict and hold the force on 40 devices, write docs/hold.md; 50 minutes
+	$(PY) -m studies.hold.benchmark_hold $(ARGS)
 
 monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour
 	$(PY) -m studies.documents.monitor_figures $(ARGS)
