@@ -156,10 +156,14 @@ def test_the_fastest_feed_keeps_the_tolerance_and_no_faster_feed_does():
 
 
 @settings(max_examples=30)
-@given(st.floats(1e-3, 5.0), st.floats(0.1, 10.0), st.floats(1e-3, 5.0))
-def test_the_search_for_a_feed_finds_the_root_of_any_growing_error(root, power, start):
-    found = fastest_feed(lambda feed: (feed / root) ** power, 0.01, 1.0, start)
+@given(st.floats(1e-3, 5.0), st.floats(0.1, 10.0), st.floats(0.05, 15.0))
+def test_the_search_for_a_feed_finds_the_root_of_any_growing_error(root, power, share):
+    found = fastest_feed(lambda feed: (feed / root) ** power, 0.01, 1.0, root * share)
     assert found == pytest.approx(root, rel=0.02)
+
+
+def test_a_feed_is_not_searched_far_below_the_wanted_feed():
+    assert fastest_feed(lambda feed: feed, 0.01, 1.0, 20.0) is None
 
 
 def test_no_feed_keeps_a_tolerance_below_an_error_at_rest():
