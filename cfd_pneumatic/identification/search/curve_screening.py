@@ -90,11 +90,13 @@ def _screen(place: CurvePlace, residual: Array, changes: Array, share: float) ->
     The heights are normally distributed with the inverse roughness matrix as covariance. The evidence is the marginal
     likelihood at the best penalty, with the variance of the noise profiled out.
     """
-    if not np.all(np.isfinite(changes)) or not np.any(changes):
-        return ScreenedCurve(place, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
     root = np.linalg.cholesky(_COARSE @ roughness_matrix() @ _COARSE.T)
-    whitened = np.linalg.solve(root, changes.T)
-    eigenvalues, axes = np.linalg.eigh(whitened @ whitened.T)
+    with np.errstate(over='ignore', invalid='ignore'):  # some heights make the simulation diverge
+        whitened = np.linalg.solve(root, changes.T)
+        products = whitened @ whitened.T
+    if not np.all(np.isfinite(products)) or not np.any(products):
+        return ScreenedCurve(place, -math.inf, 1.0, 1.0, np.zeros(KNOTS))
+    eigenvalues, axes = np.linalg.eigh(products)
     eigenvalues = np.maximum(eigenvalues, LEAST_EIGENVALUE * eigenvalues[-1])
     along = axes.T @ (whitened @ residual)
     power, count = float(residual @ residual), residual.size * share
