@@ -94,7 +94,7 @@ benchmark-effects: $(VENV)/.ready $(VENV)/.with-benchmark  ## how often the righ
 benchmark-foreign: $(VENV)/.ready  ## identify devices with other equations, write docs/measurements/foreign.md; 20 minutes
 	$(PY) -m studies.foreign.benchmark_foreign --output docs/measurements/foreign.md $(ARGS)
 
-benchmark-hold: $(VENV)/.ready  ## predict and hold the force on 40 devices, write docs/hold.md; 50 minutes
+benchmark-hold: $(VENV)/.ready  ## predict and hold the force on 40 devices, write docs/hold.md; more than an hour
 	$(PY) -m studies.hold.benchmark_hold $(ARGS)
 
 monitor-figures: $(VENV)/.ready $(VENV)/.with-benchmark  ## false alarms of the watch over a device: an hour

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from cfd_pneumatic.recording import read_mapping, read_recording
-from studies.foreign.benchmark_foreign import Row, _read_rows, document
+from studies.foreign.benchmark_foreign import Row, document
 from studies.foreign.cylinder import ADIABATIC, AMBIENT, ROOM, Inputs, mass_flow, simulate
 from studies.foreign.devices import KINDS, SETTLING, draw, pressures, record
 from studies.foreign.excitation import Plan
 from studies.foreign.tables import FORMATS, write_table
+from studies.tools.json_rows import read_rows
 
 BRIEF = Plan(seconds=4.0, steps=2)
 
@@ -222,5 +223,5 @@ def test_a_run_continues_from_its_rows(tmp_path):
     path = tmp_path / 'rows.jsonl'
     lines = [json.dumps(asdict(ROW)), json.dumps(asdict(replace(ROW, seed=8, code='old'))), '{"kind": "hose']
     path.write_text('\n'.join(lines))
-    assert _read_rows(path, 'abc') == {('hose_kink', 7): ROW}
-    assert _read_rows(tmp_path / 'missing.jsonl', 'abc') == {}
+    assert list(read_rows(path, Row, 'abc')) == [ROW]
+    assert list(read_rows(tmp_path / 'missing.jsonl', Row, 'abc')) == []

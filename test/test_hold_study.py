@@ -20,8 +20,9 @@ from studies.hold.controllers import ControllerGains, controlled_errors, formula
 from studies.hold.devices import RANGE, draw_device, draw_recording
 from studies.hold.document import document
 from studies.hold.playing import PERIOD, play, played_feed, schedule_of, true_error
-from studies.hold.rows import Row, prediction_figures, read_rows
+from studies.hold.rows import Row, prediction_figures
 from studies.hold.surfaces import HEIGHT, PathTask, draw_task, scanned
+from studies.tools.json_rows import read_rows
 
 ROOT = Path(__file__).parents[1]
 AREA = DEVICES['real'].cylinder_a.area
@@ -230,8 +231,9 @@ def test_a_refused_surface_meets_no_requirement():
 def test_rows_of_a_different_version_are_measured_again(tmp_path):
     path = tmp_path / 'rows.jsonl'
     path.write_text(json.dumps(vars(row(5000))) + '\n' + '{"seed": 5001\n')
-    assert read_rows(path, 'abc') == {(5000, 0): row(5000)}
-    assert read_rows(path, 'new') == read_rows(tmp_path / 'missing.jsonl', 'abc') == {}
+    assert list(read_rows(path, Row, 'abc')) == [row(5000)]
+    assert list(read_rows(path, Row, 'new')) == []
+    assert list(read_rows(tmp_path / 'missing.jsonl', Row, 'abc')) == []
 
 
 def test_the_range_of_the_regulators_is_below_every_supply():

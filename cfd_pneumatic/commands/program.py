@@ -30,7 +30,6 @@ _LONGEST_MESSAGE = 400  # characters of a message of argparse, which may list al
 
 _QUANTITY = re.compile(r'([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z%/]*)')
 
-
 _NEGATIVE_NUMBER = re.compile(r'-\.?[0-9].*')
 """A negative number with or without a unit; argparse itself recognises neither units nor exponents."""
 

@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     )
     from cfd_pneumatic.identification.result import ChannelResult, Comparison, Geometry, Identification
     from cfd_pneumatic.identification.search import SHOWN, STRENGTH, TIE, Complement, Trial, with_core
+    from cfd_pneumatic.identification.thresholds import STEP_SETTLING_TIME
     from cfd_pneumatic.identification.visited_range import Outside
 else:
     __getattr__ = loader_of(__name__)

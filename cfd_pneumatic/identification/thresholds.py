@@ -113,7 +113,7 @@ LEAST_OUTSIDE_SHARE = 0.01
 SMOOTHING_TIME = 0.02
 """
 Length of the moving mean that removes most of the sensor's noise from a residual [s].
-Origin: a mean over 0.1 s hid half of the error at reversals of the piston (device 2000 of `studies.hold`).
+Origin: chosen; a longer mean hides short errors, as at reversals of the piston.
 """
 
 STEP_SETTLING_TIME = 0.3

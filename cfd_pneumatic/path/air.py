@@ -22,8 +22,8 @@ def air_consumption(device: Device, path: PathMotion, pressures: Mapping[str, Ar
 
     Equation (12) has the flow into a chamber as a pressure rate, the rate of the pressure plus K_x times the speed.
     K_x = n p A / V gives the chamber's volume over the polytropic exponent n. The exponent therefore cancels in the
-    volume flow A p / K_x times this rate, at the pressure p. A leak's flow is added. The air that a regulator bleeds at
-    rest is not part of the model.
+    volume flow A p / K_x times this rate, at the pressure p. The flow of a leak is added, except of a leak that depends
+    on the position. The air that a regulator bleeds at rest is not part of the model.
 
     Parameters
     ----------

@@ -14,10 +14,11 @@ from cfd_pneumatic.arrays import Array
 from cfd_pneumatic.convention import CYLINDERS
 from cfd_pneumatic.device import Device, Value
 from cfd_pneumatic.errors import InputError
+from cfd_pneumatic.identification import STEP_SETTLING_TIME
 from cfd_pneumatic.path.identified import IdentifiedDevice
 from cfd_pneumatic.path.motion import PathMotion
 from cfd_pneumatic.path.simulation import PathResponse, PathSimulator, Setpoints, acting_at, delayed
-from cfd_pneumatic.path.thresholds import DEVIATION, PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS, STEP_TIME
+from cfd_pneumatic.path.thresholds import DEVIATION, PERIOD, SCAN_LENGTH, SCAN_TIME, SCANS
 from cfd_pneumatic.recording import Signal
 from cfd_pneumatic.runtime import map_in_threads
 
@@ -108,8 +109,8 @@ def _variance_of_model(path: PathMotion, identified: IdentifiedDevice, setpoints
 
 
 def _recent_range(levels: Array) -> Array:
-    """Return the range of set-points over the last `STEP_TIME`, shape (n,) [Pa]."""
-    window = round(STEP_TIME / PERIOD)
+    """Return the range of set-points over the last `STEP_SETTLING_TIME`, shape (n,) [Pa]."""
+    window = round(STEP_SETTLING_TIME / PERIOD)
     recent = {'size': window, 'origin': (window - 1) // 2, 'mode': 'nearest'}
     return np.asarray(maximum_filter1d(levels, **recent) - minimum_filter1d(levels, **recent))
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -55,9 +54,6 @@ def preview_data(preview: Preview) -> dict[str, Any]:
 
 def _prediction_data(prediction: Prediction) -> dict[str, Any]:
     on_path = prediction.path.is_on_path
-    shares: Mapping[str, float] = {
-        cause: float(np.sqrt(np.mean(variance[on_path]))) for cause, variance in prediction.variances.items()
-    }
     return {
         'rms_error_n': prediction.rms_error,
         'largest_error_n': prediction.largest_error,
@@ -66,7 +62,9 @@ def _prediction_data(prediction: Prediction) -> dict[str, Any]:
             {'from_s': violation.begin, 'until_s': violation.end, 'is_certain': violation.is_certain}
             for violation in prediction.violations
         ],
-        'standard_error_n': dict(shares),
+        'standard_error_n': {
+            cause: float(np.sqrt(np.mean(variance[on_path]))) for cause, variance in prediction.variances.items()
+        },
         'force_n': prediction.force[on_path].tolist(),
         'half_band_n': prediction.half_band[on_path].tolist(),
     }

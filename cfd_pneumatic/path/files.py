@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cfd_pneumatic.convention import CONTACT_FORCE, CYLINDERS, SCHEDULE_COLUMNS, WRENCH_STAMPED
-from cfd_pneumatic.files import ResultFiles, marked
+from cfd_pneumatic.files import ResultFiles, marked, staged_output
 from cfd_pneumatic.messages import Form
 from cfd_pneumatic.path.data import preview_data
 from cfd_pneumatic.path.names import BAG_FILE, PAGE_FILE, PREVIEW_FILE, SCHEDULE_FILE
@@ -79,16 +79,15 @@ def schedule_text(prediction: Prediction) -> str:
 
 
 def _write_bag(preview: Preview, path: Path) -> None:
-    bag = path.with_name('bag')
+    """Write the bag as a single MCAP file."""
     streams = list(_streams(preview.constant, CONSTANT, preview))
     if preview.held is not None:
         streams += _streams(preview.held.prediction, HELD, preview)
-    with BagWriter(bag) as writer:
-        writer.write_streams(streams)
-    os.replace(next(bag.glob('*.mcap')), path)
-    for remaining in bag.iterdir():
-        remaining.unlink()
-    bag.rmdir()
+    with staged_output(path) as staged_file:
+        bag = staged_file.with_name('bag')
+        with BagWriter(bag) as writer:
+            writer.write_streams(streams)
+        os.replace(next(bag.glob('*.mcap')), staged_file)
 
 
 def _streams(prediction: Prediction, namespace: str, preview: Preview) -> Iterator[Stream]:

@@ -111,7 +111,7 @@ class IdentifiedDevice:
         -----
         A prediction F has the variance sum((F(changed) - F(device))**2) / share**2 to first order. Use a share of 0.01:
         parameters that the recordings hardly determine compensate each other to first order only, and may reach their
-        bounds. On a device with a curve a band was 65 times too wide with a share of 1, and right with 0.01.
+        bounds.
 
         Axes are those of the correlations, because the units of the parameters differ. Gains at several set-points
         change by the same relative amount. An axis points where less is lost at the bounds of the parameters.

@@ -34,7 +34,7 @@ def preview_page(preview: Preview) -> str:
         notes=preview.notes,
         chart=preview_chart(preview),
         has_tolerance=preview.task.tolerance is not None,
-        has_schedule=preview.held is not None,
+        is_held=preview.held is not None,
     )
 
 

@@ -8,19 +8,19 @@ from __future__ import annotations
 PERIOD = 2e-3
 """
 Period of the grid on which a path is simulated [s].
-Origin: the sampling period of the rig; the regulators' time constants are ten times longer.
+Origin: the sampling period of the rig.
 """
 
 REST = 0.5
 """
 Rest of the piston before and after a path [s].
-Origin: the pressures of the devices of `studies.panel` settle in less time.
+Origin: chosen; ten times the longest time constant of the paper, 50 ms.
 """
 
 LONGEST_PATH = 600.0
 """
 Longest path that is simulated [s].
-Origin: 300,000 samples; the simulations for its band take about a minute.
+Origin: chosen; 300,000 samples.
 """
 
 LARGEST_EXCESS = 0.1
@@ -32,10 +32,10 @@ Origin: not known.
 # Set-points: setpoints.py
 
 CENTRED = 1e-3
-"""Remaining mean error of centred set-points, as a share of the force [-]. Origin: far below any tolerance."""
+"""Remaining mean error of centred set-points, as a share of the force [-]. Origin: chosen."""
 
 MOST_CORRECTIONS = 8
-"""Most corrections of the set-points [1]. Origin: a correction leaves a few percent; three suffice on every device."""
+"""Most corrections of the set-points [1]. Origin: chosen."""
 
 # Band: band.py
 
@@ -45,20 +45,13 @@ STANDARD_ERRORS = 1.96
 DEVIATION = 0.01
 """
 Change of the parameters with which the band is computed [standard deviations].
-Origin: parameters that a recording hardly determines compensate each other to first order only; with whole standard
-deviations the band of a device with a curve was 65 times too wide.
-"""
-
-STEP_TIME = 0.3
-"""
-Time after a change of a set-point in which the model errs by the change [s].
-Origin: `identification.thresholds.STEP_SETTLING_TIME`, over which that error is averaged.
+Origin: chosen; parameters that a recording hardly determines compensate each other to first order only.
 """
 
 SCAN_LENGTH = 5e-3
 """
 Distance over which the error of a scan of the surface changes [m].
-Origin: the spot and the smoothing of a line scanner are a few millimetres long.
+Origin: chosen, for the spot and the smoothing of a line scanner.
 """
 
 SCAN_TIME = 0.05
@@ -73,33 +66,33 @@ SCANS = 8
 # Feed: feed.py
 
 FASTEST_FEED = 10.0
-"""Fastest feed that is searched [m/s]. Origin: faster robots do not deburr."""
+"""Fastest feed that is searched [m/s]. Origin: chosen."""
 
 SLOWEST_SHARE = 1.0 / 16.0
 """
 Slowest feed that is searched, as a share of the wanted feed [-].
-Origin: slower feeds help little, because friction then determines the error; their simulation takes minutes.
+Origin: chosen; slower paths take longer to simulate, and friction remains at any feed.
 """
 
 FEED_TOLERANCE = 0.01
-"""End of the search for a feed, as a share of the feed [-]. Origin: robots are programmed in such steps."""
+"""End of the search for a feed, as a share of the feed [-]. Origin: chosen."""
 
 # Set-points that hold the force: hold.py
 
 FASTEST_RATE = 250.0
 """
 Fastest rate of set-points [Hz].
-Origin: half of the rate of the grid, and ten times that of the regulators.
+Origin: half of the rate of the grid.
 """
 
 MOST_ITERATIONS = 8
-"""Most iterations of the inversion of the model [1]. Origin: the error falls by a factor of ten in the first two."""
+"""Most iterations of the inversion between two measurements of the responses [1]. Origin: chosen."""
 
 MOST_MEASUREMENTS = 3
 """
 Most measurements of the responses [1].
-Origin: device 2000 of `studies.hold` at 100 Hz: 0.67 N after a first step with the first responses, 0.02 N with later
-ones.
+Origin: chosen; with the responses at constant set-points alone, the iteration stopped early on device 2000 of
+`studies.hold`.
 """
 
 STEP_SHARES = (1.0, 0.5, 0.25)
@@ -108,7 +101,7 @@ STEP_SHARES = (1.0, 0.5, 0.25)
 LEAST_GAIN = 0.02
 """
 Least relative fall of the force error for which the inversion continues [-].
-Origin: a further iteration would be less than the regulators' resolution.
+Origin: chosen.
 """
 
 SETTLING_TIME_CONSTANTS = 4.0
@@ -117,13 +110,13 @@ SETTLING_TIME_CONSTANTS = 4.0
 LONGEST_RESPONSE = 1.0
 """
 Longest response to a change of a set-point that is measured [s].
-Origin: five time constants of the slowest regulator of `studies.panel`.
+Origin: chosen; twenty times the longest time constant of the paper.
 """
 
 CHANGE = 500.0
 """
 Change of a set-point with which the response is measured [Pa].
-Origin: above rounding, and too small to reach another branch of the regulator for long.
+Origin: chosen.
 """
 
 SMOOTHNESS = 1e-3
@@ -133,7 +126,7 @@ Origin: not known.
 """
 
 LATEST = 0.5
-"""Largest delay of the set-points that is tried [s]. Origin: ten times the delay of slow field buses."""
+"""Largest delay of the set-points that is tried [s]. Origin: chosen."""
 
 # Texts: texts.py
 

@@ -26,7 +26,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,7 @@ from cfd_pneumatic.files import write_text
 from studies.documents.markdown import notes_in, table
 from studies.foreign.devices import KINDS, record
 from studies.foreign.tables import FORMATS, write_table
+from studies.tools.json_rows import read_rows, seed_range
 from studies.tools.provenance import ROOT, code_version, commit, machine
 
 UNIT = (sys.executable, '-c', 'import numba, scipy.optimize, matplotlib.pyplot')
@@ -89,7 +90,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parsed(arguments)
     version = _version()
     jobs = [(kind, seed) for kind in options.kinds for seed in options.seeds]
-    rows = _read_rows(options.rows, version)
+    rows = {(row.kind, row.seed): row for row in read_rows(options.rows, Row, version)}
     pending = [job for job in jobs if job not in rows]
     print(f'{len(jobs)} recordings, {len(pending)} of them are not measured yet. Rows: {options.rows}')
     if pending:
@@ -208,19 +209,6 @@ def _version() -> str:
     return hashlib.sha256(b''.join([code_version().encode(), *texts])).hexdigest()[:12]
 
 
-def _read_rows(path: Path, version: str) -> dict[tuple[str, int], Row]:
-    """Return the rows of this version of the program; ignore lines that are incomplete or have different fields."""
-    rows = {}
-    for line in path.read_text(encoding='utf-8').splitlines() if path.exists() else ():
-        try:
-            values = json.loads(line)
-        except ValueError:
-            continue
-        if values.keys() == {field.name for field in fields(Row)} and values['code'] == version:
-            rows[values['kind'], values['seed']] = Row(**values)
-    return rows
-
-
 def document(rows: Sequence[Row], command: str, notes: str) -> str:
     """Return the answers and a summary in Markdown."""
     unit_wall = statistics.median(row.unit_wall for row in rows)
@@ -301,17 +289,12 @@ def _errors(channel: Mapping[str, Any]) -> str:
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='benchmark_foreign', description=(__doc__ or '').strip().split('\n\n')[0])
     parser.add_argument('--kinds', nargs='+', choices=KINDS, default=list(KINDS), metavar='KIND', help=', '.join(KINDS))
-    parser.add_argument('--seeds', type=_seeds, default=range(5000, 5003), metavar='A:B', help='default: 5000:5003')
+    parser.add_argument('--seeds', type=seed_range, default=range(5000, 5003), metavar='A:B', help='default: 5000:5003')
     parser.add_argument('--output', type=Path, required=True, help='document to write')
     parser.add_argument('--rows', type=Path, default=ROOT / 'build' / 'foreign.jsonl', help='file of rows')
     parser.add_argument('--keep', type=Path, help='folder that keeps tables and reports')
     parser.add_argument('--limit', type=float, default=900.0, metavar='S', help='time limit [s] (default: 900)')
     return parser.parse_args(arguments)
-
-
-def _seeds(text: str) -> range:
-    first, last = map(int, text.split(':'))
-    return range(first, last)
 
 
 if __name__ == '__main__':

@@ -22,8 +22,9 @@ from cfd_pneumatic.files import write_text
 from studies.documents.markdown import notes_in
 from studies.hold.devices import RECORDING
 from studies.hold.document import document
-from studies.hold.rows import Job, measure, read_rows, version
+from studies.hold.rows import Job, Row, measure, version
 from studies.hold.surfaces import DURATION
+from studies.tools.json_rows import read_rows, seed_range
 from studies.tools.processes import side_by_side
 from studies.tools.provenance import ROOT
 
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         for seed in options.seeds
     ]
-    rows = read_rows(options.rows, code)
+    rows = {(row.seed, row.surface): row for row in read_rows(options.rows, Row, code)}
     pending = [job for job in jobs if any((job.seed, number) not in rows for number in range(job.surfaces))]
     print(f'{len(jobs)} devices, {len(pending)} of them are not measured yet. Rows: {options.rows}')
     options.rows.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog='benchmark_hold', description=(__doc__ or '').strip().split('\n\n')[0])
-    parser.add_argument('--seeds', type=_seeds, default=range(5000, 5040), metavar='A:B', help='default: 5000:5040')
+    parser.add_argument('--seeds', type=seed_range, default=range(5000, 5040), metavar='A:B', help='default: 5000:5040')
     parser.add_argument('--surfaces', type=int, default=SURFACES, metavar='N', help='surfaces of each device')
     parser.add_argument('--duration', type=float, default=DURATION, metavar='S', help='duration of a surface [s]')
     parser.add_argument('--recording', type=float, default=RECORDING, metavar='S', help='identifies a device [s]')
@@ -77,11 +78,6 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument('--output', type=Path, default=DOCUMENT, help='document to write')
     parser.add_argument('--processes', type=int, default=2, metavar='N', help='0: in this process (default: 2)')
     return parser.parse_args(arguments)
-
-
-def _seeds(text: str) -> range:
-    first, last = map(int, text.split(':'))
-    return range(first, last)
 
 
 if __name__ == '__main__':

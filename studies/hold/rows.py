@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -228,16 +227,3 @@ def version() -> str:
     """Return a fingerprint of the package and of this study, without its document."""
     paths = [path for path in sorted(Path(__file__).parent.glob('*.py')) if path.name != 'document.py']
     return hashlib.sha256(b''.join([code_version().encode(), *(path.read_bytes() for path in paths)])).hexdigest()[:12]
-
-
-def read_rows(path: Path, code: str) -> dict[tuple[int, int], Row]:
-    """Return the rows of a version of the program; ignore lines that are incomplete or have different fields."""
-    rows = {}
-    for line in path.read_text(encoding='utf-8').splitlines() if path.exists() else ():
-        try:
-            values = json.loads(line)
-        except ValueError:
-            continue
-        if values.keys() == {entry.name for entry in fields(Row)} and values['code'] == code:
-            rows[values['seed'], values['surface']] = Row(**values)
-    return rows

@@ -102,7 +102,7 @@ def test_the_schedule_and_the_bag_are_for_other_programs(held, tmp_path):
     previewed = read_recording(held / 'preview.mcap', namespace='/held')
     played = read_recording(tmp_path / 'bag')
     for name in ('cylinder_a', 'cylinder_b'):
-        setpoints = [one.cylinders[name].setpoint for one in (previewed, played)]
+        setpoints = [recording.cylinders[name].setpoint for recording in (previewed, played)]
         assert np.max(setpoints[0].values) == pytest.approx(np.max(setpoints[1].values), abs=1.0)
 
 

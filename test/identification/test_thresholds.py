@@ -13,7 +13,7 @@ import pytest
 import cfd_pneumatic.identification
 
 PACKAGE = Path(cfd_pneumatic.identification.__file__).parent
-FILES = sorted(PACKAGE.rglob('thresholds.py'))
+FILES = sorted(PACKAGE.parent.rglob('thresholds.py'))
 
 
 @pytest.mark.parametrize('path', FILES, ids=lambda path: path.parent.name)

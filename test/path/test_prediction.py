@@ -53,7 +53,7 @@ def test_a_sensor_effect_does_not_change_the_force():
 
 
 def test_a_slope_costs_the_force_per_speed():
-    """At constant speed both pressures rest at K_x / K times the speed beside their set-points."""
+    """At constant speed each pressure differs from its set-point by K_x / K times the speed."""
     slope = Surface(np.linspace(0.0, 0.2, 201), np.linspace(0.0, 2e-3, 201))
     given_force = force_on_path(IdentifiedDevice.of_device(KNOWN), slope, force=20.0, feed=0.1)
     path = given_force.constant.path

@@ -107,12 +107,12 @@ def assert_holds(told, wanted, where='report'):
         assert isinstance(told, wanted), f'{where} is {told!r}'
 
 
-def told(identification):
+def report_of(identification):
     return json.loads(json.dumps(report_data(identification), allow_nan=False))
 
 
 def test_a_report_has_the_keys_of_0_1_0():
-    report = told(open_loop())
+    report = report_of(open_loop())
     assert_holds(report, REPORT)
     assert report['schema'] == 1
     assert set(report['cylinders']['cylinder_a']['parameters']) == {'k_x', 'k_sv', 'k_v', 'tau'}
@@ -120,7 +120,7 @@ def test_a_report_has_the_keys_of_0_1_0():
 
 
 def test_the_report_of_a_closed_loop_has_the_keys_of_0_1_0():
-    report = told(with_force(closed()))
+    report = report_of(with_force(closed()))
     assert_holds(report, CLOSED)
     assert_holds(report['force'], closure('n'))
     assert_holds(report['force']['after_over_before'], RATIO)
@@ -129,20 +129,20 @@ def test_the_report_of_a_closed_loop_has_the_keys_of_0_1_0():
 
 @pytest.mark.parametrize('identification', [open_loop, closed])
 def test_a_report_has_the_uncertainty_of_0_3_0(identification):
-    for block in told(identification())['cylinders'].values():
+    for block in report_of(identification())['cylinders'].values():
         assert_holds(block, UNCERTAINTY)
         size = len(block['covariance']['parameters'])
         assert [len(row) for row in block['covariance']['matrix']] == [size] * size
 
 
 def test_a_set_point_is_an_offset_or_an_estimate():
-    (known,) = told(open_loop())['cylinders']['cylinder_a']['setpoints']
+    (known,) = report_of(open_loop())['cylinders']['cylinder_a']['setpoints']
     assert isinstance(known['offset_pa'], float)
 
 
 @pytest.mark.parametrize('options', [Options(), Options(per_setpoint=True)])
 def test_options_change_no_key(options):
-    assert_holds(told(identify(closed().recordings, options)), REPORT)
+    assert_holds(report_of(identify(closed().recordings, options)), REPORT)
 
 
 def test_a_parameter_file_of_0_1_0_is_read():

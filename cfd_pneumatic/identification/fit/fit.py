@@ -318,8 +318,8 @@ def _parameter_covariance(likelihood: Likelihood, unknowns: Unknowns, covariance
     Return the covariance of the parameters that are not held, and of the mean offset of the set-points [SI].
 
     All parameters that the fit searched have rows, also those that are not reported and the heights of curves: what one
-    of them changes, others compensate. A band of a predicted pressure was 27 and 190 times too wide without the heights
-    of two curves. See `_search_covariance` for covariance and free.
+    of them changes, others compensate. Without a part of them the band of a prediction would be too wide. See
+    `_search_covariance` for covariance and free.
     """
     slots = unknowns.slots[free]
     rows = {unknowns.table[index].name: slots == slot for index, slot in zip(free.tolist(), slots.tolist())}
