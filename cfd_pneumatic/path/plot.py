@@ -31,7 +31,9 @@ def plot_preview(preview: Preview) -> list[Axes]:
         axes[1].plot(x, force, color=colour, label=name)
 
     plot_force(preview.constant, _CONSTANT, 'constant set-points')
-    axes[1].axhline(preview.task.force, color='grey', linestyle='--', linewidth=1.0)
+    tolerance = preview.task.tolerance
+    for distance in (0.0,) if tolerance is None else (-tolerance, 0.0, tolerance):
+        axes[1].axhline(preview.task.force + distance, color='grey', linestyle='--', linewidth=1.0)
     axes[1].set_ylabel('contact force [N]')
     if preview.held is not None:
         plot_force(preview.held.prediction, _HELD, 'held')

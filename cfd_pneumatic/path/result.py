@@ -75,7 +75,9 @@ class ForceOnPath(Preview):
         """Return the answers as two columns."""
         return printed(lambda console: print_preview(self, console))
 
-    __repr__ = object.__repr__
+    def __repr__(self) -> str:
+        """Return the wanted force and the force error at constant set-points."""
+        return f'<ForceOnPath: {self.task.force:g} N, error {self.constant.rms_error:.2g} N (RMS)>'
 
 
 def force_on_path(
